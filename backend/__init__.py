@@ -1,0 +1,1 @@
+"""Scalar IR to C++ text, and the programs made of it; the NumPy interpreter."""

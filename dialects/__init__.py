@@ -1,0 +1,1 @@
+"""xDSL dialects: `rel` (relations), `mat` (per-instance small matrices), `kernel` (skeletons of generated code)."""

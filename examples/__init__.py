@@ -1,0 +1,1 @@
+"""Examples: `yasps run NAME` or `python -m yasps.examples.NAME`."""

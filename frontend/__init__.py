@@ -1,0 +1,1 @@
+"""What users import: scenes, materials, contact, stepping, input and output."""

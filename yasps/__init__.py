@@ -1,0 +1,1 @@
+"""yasps: a compiler for physical simulation."""
