@@ -1,0 +1,216 @@
+"""What all `mat` operations share: types, the generic syntax, shape laws and the four meanings of an operation."""
+
+from __future__ import annotations
+
+import abc
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any, ClassVar, cast
+
+import numpy as np
+from numpy.typing import NDArray
+from xdsl.dialects.builtin import (
+    DenseIntOrFPElementsAttr,
+    Float64Type,
+    IntegerType,
+    TensorType,
+    f64,
+)
+from xdsl.interfaces import HasFolderInterface
+from xdsl.ir import Attribute, OpResult, SSAValue
+from xdsl.irdl import IRDLOperation, ParsePropInAttrDict, result_def, traits_def, var_operand_def
+from xdsl.traits import Pure
+from xdsl.utils.exceptions import VerifyException
+
+from yasps.dialects.scalar_graph import Node, ScalarGraph
+
+if TYPE_CHECKING:
+    from yasps.dialects.mat.builder import MatBuilder
+
+Shape = tuple[int, int]
+Matrix = TensorType[Float64Type | IntegerType]
+Batch = NDArray[Any]
+"""Values of all instances: shape [instances, rows, columns]; float, complex (complex step) or exact rationals."""
+
+
+class ShapeError(ValueError):
+    """Shapes that an operation can't combine; the message is in terms of rows and columns."""
+
+
+class NotDifferentiableError(ValueError):
+    """An operation that has no derivative rule stands between an energy and its targets."""
+
+
+def matrix_type(shape: Shape, element: Float64Type | IntegerType = f64) -> Matrix:
+    return TensorType(element, shape)
+
+
+def is_matrix_type(type_: Attribute) -> bool:
+    return isinstance(type_, TensorType) and len(type_.get_shape()) == 2 and min(type_.get_shape()) >= 1
+
+
+def shape_of(value: SSAValue) -> Shape:
+    """Rows and columns of a `mat` value."""
+    rows, cols = cast(Matrix, value.type).get_shape()
+    return rows, cols
+
+
+def spell(shape: Shape) -> str:
+    return f"{shape[0]}x{shape[1]}"
+
+
+class MatOp(IRDLOperation, HasFolderInterface, abc.ABC):
+    """An operation on small dense matrices, evaluated for every instance of a primitive alike.
+
+    A subclass says in one place: its shape law (`infer`), its NumPy meaning (`evaluate`), its derivative
+    (`pushforward` and `pullback`) and its scalar code (`lower`).
+    """
+
+    inputs = var_operand_def()
+    result = result_def()
+    traits = traits_def(Pure())
+    irdl_options = (ParsePropInAttrDict(),)
+    assembly_format = "$inputs attr-dict `:` functional-type(operands, results)"
+
+    ARITY: ClassVar[int | None] = None
+    """Number of operands; None means any number from one."""
+    DIFFERENTIABLE: ClassVar[bool] = True
+
+    def __init__(
+        self,
+        inputs: Sequence[SSAValue],
+        result_type: Matrix,
+        properties: dict[str, Attribute] | None = None,
+    ) -> None:
+        super().__init__(operands=[list(inputs)], result_types=[result_type], properties=properties or {})
+
+    @classmethod
+    def word(cls) -> str:
+        """The operation's name without its dialect."""
+        return cls.name.removeprefix("mat.")
+
+    # -- shape law -----------------------------------------------------------------------------------------
+
+    @classmethod
+    @abc.abstractmethod
+    def infer(cls, shapes: Sequence[Shape], properties: dict[str, Attribute]) -> Shape:
+        """Shape of the result; raises ShapeError with a message in the user's terms."""
+
+    def verify_(self) -> None:
+        for value in (*self.operands, self.result):
+            if not is_matrix_type(value.type):
+                raise VerifyException(f"{self.name} takes and gives matrices tensor<RxCxf64>, not {value.type}")
+        if self.ARITY is not None and len(self.operands) != self.ARITY:
+            raise VerifyException(f"{self.name} takes {self.ARITY} operands, got {len(self.operands)}")
+        try:
+            expected = self.infer([shape_of(v) for v in self.operands], dict(self.properties))
+        except ShapeError as error:
+            raise VerifyException(f"{self.name}: {error}") from error
+        if expected != shape_of(self.result):
+            raise VerifyException(
+                f"{self.name} gives {spell(expected)} here, but its type says {spell(shape_of(self.result))}"
+            )
+
+    # -- meanings ------------------------------------------------------------------------------------------
+
+    @abc.abstractmethod
+    def evaluate(self, *inputs: Batch) -> Batch:
+        """NumPy meaning over all instances at once: [n, r, c] arrays to an [n, r, c] array."""
+
+    def is_linear(self, active: Sequence[bool]) -> bool:
+        """Is the result affine in its active operands taken together (the others held constant)?"""
+        del active
+        return False
+
+    def pushforward(self, b: MatBuilder, tangents: Sequence[SSAValue | None]) -> SSAValue | None:
+        """Tangent of the result for tangents of the operands; None stands for zero."""
+        del b, tangents
+        raise NotDifferentiableError(f"{self.name} has no derivative rule")
+
+    def pullback(self, b: MatBuilder, cotangent: SSAValue) -> Sequence[SSAValue | None]:
+        """Cotangents of the operands for a cotangent of the result; None stands for zero."""
+        del b, cotangent
+        raise NotDifferentiableError(f"{self.name} has no derivative rule")
+
+    @abc.abstractmethod
+    def lower(self, s: ScalarGraph, *inputs: Sequence[Node]) -> list[Node]:
+        """Scalar code: row-major entries of the operands to row-major entries of the result."""
+
+    # -- folding -------------------------------------------------------------------------------------------
+
+    def simplify(self) -> SSAValue | None:
+        """An operand (or an operand's operand) that equals the result, if there is one."""
+        return None
+
+    def fold(self) -> Sequence[SSAValue | Attribute] | None:
+        simpler = self.simplify()
+        if simpler is not None:
+            return (simpler,) if simpler.type == self.result.type else None
+        values = [constant_value(operand) for operand in self.operands]
+        if not values or any(value is None for value in values):
+            return None
+        with np.errstate(all="ignore"):
+            folded = self.evaluate(*[cast(Batch, value)[None] for value in values])[0]
+        if not np.all(np.isfinite(folded)):
+            return None
+        return (dense(folded, cast(Matrix, self.result.type)),)
+
+
+def dense(values: Batch, type_: Matrix) -> DenseIntOrFPElementsAttr[Float64Type | IntegerType]:
+    """The attribute of a constant with these entries, row-major."""
+    if isinstance(type_.element_type, IntegerType):
+        entries: list[Any] = [int(v) for v in values.ravel()]
+    else:
+        entries = [float(v) for v in values.ravel()]
+    return cast(
+        "DenseIntOrFPElementsAttr[Float64Type | IntegerType]",
+        DenseIntOrFPElementsAttr.from_list(cast(Any, type_), entries),
+    )
+
+
+def constant_value(value: SSAValue) -> Batch | None:
+    """Entries [rows, columns] of a `mat.constant` or `mat.identity`, or None for any other value."""
+    if not isinstance(value, OpResult):
+        return None
+    if value.op.name == "mat.identity":
+        return np.eye(shape_of(value)[0])
+    if value.op.name != "mat.constant":
+        return None
+    attribute = cast("DenseIntOrFPElementsAttr[Float64Type]", value.op.properties["value"])
+    return np.array(attribute.get_values()).reshape(shape_of(value))
+
+
+def is_zero(value: SSAValue) -> bool:
+    entries = constant_value(value)
+    return entries is not None and not np.any(entries)
+
+
+def is_identity(value: SSAValue) -> bool:
+    entries = constant_value(value)
+    return (
+        entries is not None and entries.shape[0] == entries.shape[1] and bool(np.all(entries == np.eye(len(entries))))
+    )
+
+
+def is_one(value: SSAValue) -> bool:
+    entries = constant_value(value)
+    return entries is not None and entries.shape == (1, 1) and entries[0, 0] == 1
+
+
+def same_shapes(word: str, shapes: Sequence[Shape]) -> Shape:
+    if any(shape != shapes[0] for shape in shapes):
+        raise ShapeError(f"{word} needs equal shapes, got " + " and ".join(spell(s) for s in shapes))
+    return shapes[0]
+
+
+def vectors(word: str, shapes: Sequence[Shape], length: int | None = None) -> Shape:
+    shape = same_shapes(word, shapes)
+    if min(shape) != 1 or (length is not None and max(shape) != length):
+        wanted = f"vectors of {length} entries (3x1 or 1x3)" if length else "vectors (Nx1 or 1xN)"
+        raise ShapeError(f"{word} needs {wanted}, got {spell(shape)}")
+    return shape
+
+
+def square(word: str, shape: Shape) -> Shape:
+    if shape[0] != shape[1]:
+        raise ShapeError(f"{word} needs a square matrix, got {spell(shape)}")
+    return shape

@@ -1,0 +1,197 @@
+"""Builds `mat` operations into a block, each value once (value numbering), folded as they are made."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import cast
+
+import numpy as np
+from numpy.typing import ArrayLike
+from xdsl.dialects.builtin import DenseArrayBase, Float64Type, FloatAttr, IntegerType, StringAttr, f64, i64
+from xdsl.ir import Attribute, Block, Operation, SSAValue
+
+from yasps.dialects.mat import algebra, calculus, elementwise, structure
+from yasps.dialects.mat.base import MatOp, Matrix, Shape, dense, matrix_type, shape_of
+
+
+class MatBuilder:
+    """Appends operations to `body`. Equal operations on equal operands give the same value."""
+
+    def __init__(self, body: Block) -> None:
+        self.body = body
+        self._known: dict[tuple[object, ...], SSAValue] = {}
+
+    def append(self, op: Operation) -> None:
+        self.body.add_op(op)
+
+    def emit(
+        self,
+        op_class: type[MatOp],
+        operands: Sequence[SSAValue],
+        properties: dict[str, Attribute] | None = None,
+        element: Float64Type | IntegerType | None = None,
+        name_hint: str | None = None,
+    ) -> SSAValue:
+        """The value of this operation, made now unless it is there already or folds to something simpler."""
+        properties = properties or {}
+        if element is None:
+            element = cast(Matrix, operands[0].type).element_type if operands else f64
+        key = (op_class, *[id(v) for v in operands], *sorted(properties.items(), key=lambda item: item[0]))
+        found = self._known.get(key)
+        if found is not None:
+            return found
+        shape = op_class.infer([shape_of(v) for v in operands], properties)
+        op = op_class(operands, matrix_type(shape, element), properties)
+        result: SSAValue
+        folded = op.fold()
+        if folded is None:
+            if name_hint is not None:
+                op.result.name_hint = name_hint
+            self.append(op)
+            result = op.result
+        else:
+            op.erase()
+            if isinstance(folded[0], SSAValue):
+                result = folded[0]
+            else:
+                result = self.emit(structure.ConstantOp, [], {"value": folded[0]}, element)
+        self._known[key] = result
+        return result
+
+    def copy(self, op: MatOp, operands: Sequence[SSAValue]) -> SSAValue:
+        """The same operation on other operands."""
+        element = cast(Matrix, op.result.type).element_type
+        return self.emit(type(op), operands, dict(op.properties), element, op.result.name_hint)
+
+    # -- leaves --------------------------------------------------------------------------------------------
+
+    def constant(self, values: ArrayLike, element: Float64Type | IntegerType = f64) -> SSAValue:
+        entries = np.atleast_2d(np.asarray(values))
+        rows, cols = entries.shape
+        value = dense(entries, matrix_type((rows, cols), element))
+        return self.emit(structure.ConstantOp, [], {"value": value}, element)
+
+    def number(self, value: float) -> SSAValue:
+        return self.constant([[value]])
+
+    def zeros(self, shape: Shape, element: Float64Type | IntegerType = f64) -> SSAValue:
+        return self.constant(np.zeros(shape), element)
+
+    def identity(self, size: int) -> SSAValue:
+        return self.emit(structure.IdentityOp, [], {"size": _integers((size,))}, f64)
+
+    def unit(self, shape: Shape, position: int) -> SSAValue:
+        """Zeros with a one at this row-major position."""
+        entries = np.zeros(shape)
+        entries.flat[position] = 1.0
+        return self.constant(entries)
+
+    # -- arithmetic ----------------------------------------------------------------------------------------
+
+    def add(self, a: SSAValue, b: SSAValue) -> SSAValue:
+        return self.emit(elementwise.AddOp, [a, b])
+
+    def sub(self, a: SSAValue, b: SSAValue) -> SSAValue:
+        return self.emit(elementwise.SubOp, [a, b])
+
+    def neg(self, a: SSAValue) -> SSAValue:
+        return self.emit(elementwise.NegOp, [a])
+
+    def hadamard(self, a: SSAValue, b: SSAValue) -> SSAValue:
+        if shape_of(a) == (1, 1):
+            return self.scale(a, b)
+        return self.emit(elementwise.HadamardOp, [a, b])
+
+    def scale(self, factor: SSAValue, matrix: SSAValue) -> SSAValue:
+        return self.emit(elementwise.ScaleOp, [factor, matrix])
+
+    def divide(self, matrix: SSAValue, divisor: SSAValue) -> SSAValue:
+        return self.emit(elementwise.DivideOp, [matrix, divisor])
+
+    def power(self, a: SSAValue, exponent: float) -> SSAValue:
+        if exponent == 0.0:
+            return self.constant(np.ones(shape_of(a)))
+        return self.emit(elementwise.PowOp, [a], {"exponent": FloatAttr(exponent, f64)})
+
+    def sin(self, a: SSAValue) -> SSAValue:
+        return self.emit(elementwise.SinOp, [a])
+
+    def cos(self, a: SSAValue) -> SSAValue:
+        return self.emit(elementwise.CosOp, [a])
+
+    def total(self, terms: Sequence[SSAValue | None]) -> SSAValue | None:
+        """Sum of the terms that are there; None if none is."""
+        result: SSAValue | None = None
+        for term in terms:
+            if term is not None:
+                result = term if result is None else self.add(result, term)
+        return result
+
+    def difference(self, a: SSAValue | None, b: SSAValue | None) -> SSAValue | None:
+        """a - b where None stands for zero."""
+        if b is None:
+            return a
+        return self.neg(b) if a is None else self.sub(a, b)
+
+    # -- linear algebra ------------------------------------------------------------------------------------
+
+    def matmul(self, a: SSAValue, b: SSAValue) -> SSAValue:
+        return self.emit(algebra.MatmulOp, [a, b])
+
+    def transpose(self, a: SSAValue) -> SSAValue:
+        return self.emit(algebra.TransposeOp, [a])
+
+    def dot(self, a: SSAValue, b: SSAValue) -> SSAValue:
+        if shape_of(a) == (1, 1):
+            return self.scale(a, b)
+        return self.emit(algebra.DotOp, [a, b])
+
+    def cross(self, a: SSAValue, b: SSAValue) -> SSAValue:
+        return self.emit(algebra.CrossOp, [a, b])
+
+    def trace(self, a: SSAValue) -> SSAValue:
+        return self.emit(algebra.TraceOp, [a])
+
+    def sum(self, a: SSAValue) -> SSAValue:
+        return self.emit(algebra.SumOp, [a])
+
+    def det(self, a: SSAValue) -> SSAValue:
+        return self.emit(algebra.DetOp, [a])
+
+    def cofactor(self, a: SSAValue) -> SSAValue:
+        return self.emit(algebra.CofactorOp, [a])
+
+    def congruence(self, symmetric: SSAValue, linear: SSAValue) -> SSAValue:
+        return self.emit(calculus.CongruenceOp, [symmetric, linear])
+
+    def project_psd(self, symmetric: SSAValue, mode: str) -> SSAValue:
+        return self.emit(calculus.ProjectPsdOp, [symmetric], {"mode": StringAttr(mode)})
+
+    # -- structure -----------------------------------------------------------------------------------------
+
+    def reshape(self, a: SSAValue, shape: Shape) -> SSAValue:
+        return self.emit(structure.ReshapeOp, [a], {"shape": _integers(shape)})
+
+    def flat(self, a: SSAValue) -> SSAValue:
+        """All entries, row-major, as one column."""
+        rows, cols = shape_of(a)
+        return self.reshape(a, (rows * cols, 1))
+
+    def block(self, a: SSAValue, row: int, col: int, rows: int, cols: int) -> SSAValue:
+        return self.emit(structure.BlockOp, [a], {"block": _integers((row, col, rows, cols))})
+
+    def row(self, a: SSAValue, index: int) -> SSAValue:
+        return self.block(a, index, 0, 1, shape_of(a)[1])
+
+    def embed(self, a: SSAValue, row: int, col: int, shape: Shape) -> SSAValue:
+        return self.emit(structure.EmbedOp, [a], {"place": _integers((row, col, *shape))})
+
+    def concat_rows(self, parts: Sequence[SSAValue]) -> SSAValue:
+        return self.emit(structure.ConcatRowsOp, parts)
+
+    def concat_cols(self, parts: Sequence[SSAValue]) -> SSAValue:
+        return self.emit(structure.ConcatColsOp, parts)
+
+
+def _integers(values: Sequence[int]) -> DenseArrayBase[IntegerType]:
+    return DenseArrayBase.from_list(i64, list(values))

@@ -1,0 +1,105 @@
+"""`mat` operations that stand for steps of the derivative computation itself."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, ClassVar, cast
+
+import numpy as np
+from xdsl.dialects.builtin import StringAttr
+from xdsl.ir import Attribute, SSAValue
+from xdsl.irdl import irdl_op_definition, prop_def
+
+from yasps.dialects.mat.base import Batch, MatOp, Shape, ShapeError, is_identity, shape_of, spell, square
+from yasps.dialects.scalar_graph import Node, ScalarGraph
+
+if TYPE_CHECKING:
+    from yasps.dialects.mat.builder import MatBuilder
+
+PROJECTION_MODES = ("clamp", "abs")
+
+
+@irdl_op_definition
+class StopGradientOp(MatOp):
+    """The same value, held constant by differentiation."""
+
+    name = "mat.stop_gradient"
+    ARITY: ClassVar = 1
+
+    @classmethod
+    def infer(cls, shapes: Sequence[Shape], properties: dict[str, Attribute]) -> Shape:
+        return shapes[0]
+
+    def evaluate(self, *inputs: Batch) -> Batch:
+        return inputs[0]
+
+    def pushforward(self, b: MatBuilder, tangents: Sequence[SSAValue | None]) -> SSAValue | None:
+        return None
+
+    def pullback(self, b: MatBuilder, cotangent: SSAValue) -> Sequence[SSAValue | None]:
+        return (None,)
+
+    def lower(self, s: ScalarGraph, *inputs: Sequence[Node]) -> list[Node]:
+        return list(inputs[0])
+
+
+@irdl_op_definition
+class CongruenceOp(MatOp):
+    """l^T s l for a symmetric s: how a Hessian is pulled back through a linear map (eq. 3, first term)."""
+
+    name = "mat.congruence"
+    ARITY: ClassVar = 2
+    DIFFERENTIABLE: ClassVar = False
+
+    @classmethod
+    def infer(cls, shapes: Sequence[Shape], properties: dict[str, Attribute]) -> Shape:
+        size, _ = square("a congruence", shapes[0])
+        if shapes[1][0] != size:
+            raise ShapeError(f"a congruence of {spell(shapes[0])} needs {size} rows, got {spell(shapes[1])}")
+        return shapes[1][1], shapes[1][1]
+
+    def simplify(self) -> SSAValue | None:
+        return self.operands[0] if is_identity(self.operands[1]) else None
+
+    def evaluate(self, *inputs: Batch) -> Batch:
+        return cast(Batch, inputs[1].swapaxes(1, 2) @ inputs[0] @ inputs[1])
+
+    def lower(self, s: ScalarGraph, *inputs: Sequence[Node]) -> list[Node]:
+        inner, outer = shape_of(self.operands[1])
+        middle, linear = inputs
+        symmetric = [[middle[min(i, j) * inner + max(i, j)] for j in range(inner)] for i in range(inner)]
+        columns = [linear[j::outer] for j in range(outer)]
+        applied = [[s.dot(row, column) for row in symmetric] for column in columns]
+        return [s.dot(columns[min(i, j)], applied[max(i, j)]) for i in range(outer) for j in range(outer)]
+
+
+@irdl_op_definition
+class ProjectPsdOp(MatOp):
+    """A symmetric matrix made positive semi-definite: negative eigenvalues to 0 ("clamp") or to |.| ("abs").
+
+    Solved at run time by the projection kernel; paper, section 5.4.
+    """
+
+    name = "mat.project_psd"
+    ARITY: ClassVar = 1
+    DIFFERENTIABLE: ClassVar = False
+    mode = prop_def(StringAttr)
+
+    @classmethod
+    def infer(cls, shapes: Sequence[Shape], properties: dict[str, Attribute]) -> Shape:
+        mode = cast(StringAttr, properties["mode"]).data
+        if mode not in PROJECTION_MODES:
+            raise ShapeError(f"mode must be one of {', '.join(PROJECTION_MODES)}, got {mode!r}")
+        return square("a projection", shapes[0])
+
+    def evaluate(self, *inputs: Batch) -> Batch:
+        upper = np.triu(inputs[0])
+        values, vectors = np.linalg.eigh(upper + np.triu(upper, 1).swapaxes(1, 2))
+        values = np.abs(values) if self.mode.data == "abs" else np.maximum(values, 0.0)
+        return cast(Batch, (vectors * values[:, None, :]) @ vectors.swapaxes(1, 2))
+
+    def lower(self, s: ScalarGraph, *inputs: Sequence[Node]) -> list[Node]:
+        raise ValueError("mat.project_psd is no scalar code; lower-to-scalar splits the function here")
+
+
+OPS = (StopGradientOp, CongruenceOp, ProjectPsdOp)

@@ -1,0 +1,76 @@
+"""The `rel` dialect: a scene as a relational program (architecture, section 3; paper, section 4).
+
+`declarations` holds what stands in a scene, `body` what stands in the body of an attribute, `laws` what must hold.
+"""
+
+from xdsl.ir import Dialect
+
+from yasps.dialects.rel import body, declarations
+from yasps.dialects.rel.body import (
+    ApplyOp,
+    DataOp,
+    JoinOp,
+    ProjectOp,
+    ReadOp,
+    RefOp,
+    TargetIndexOp,
+    UnionOp,
+    YieldDerivativeOp,
+    YieldJacobianOp,
+    YieldOp,
+    packed_size,
+)
+from yasps.dialects.rel.declarations import (
+    PROJECTIONS,
+    AttributeOp,
+    ConnectivityOp,
+    Container,
+    DerivativeOp,
+    EnergyOp,
+    JacobianOp,
+    MeshOp,
+    ObjectOp,
+    PrimitiveOp,
+    PrimitiveUnionOp,
+    SceneOp,
+    StorageOp,
+    TargetOp,
+    name_of,
+    symbol,
+)
+from yasps.dialects.rel.laws import Scope
+
+Rel = Dialect("rel", [*declarations.OPS, *body.OPS], [])
+
+__all__ = [
+    "PROJECTIONS",
+    "ApplyOp",
+    "AttributeOp",
+    "ConnectivityOp",
+    "Container",
+    "DataOp",
+    "DerivativeOp",
+    "EnergyOp",
+    "JacobianOp",
+    "JoinOp",
+    "MeshOp",
+    "ObjectOp",
+    "PrimitiveOp",
+    "PrimitiveUnionOp",
+    "ProjectOp",
+    "ReadOp",
+    "RefOp",
+    "Rel",
+    "SceneOp",
+    "Scope",
+    "StorageOp",
+    "TargetIndexOp",
+    "TargetOp",
+    "UnionOp",
+    "YieldDerivativeOp",
+    "YieldJacobianOp",
+    "YieldOp",
+    "name_of",
+    "packed_size",
+    "symbol",
+]

@@ -1,0 +1,192 @@
+"""Hash-consed scalar expressions: what `lower-to-scalar` builds before it writes `arith` and `math` ops.
+
+A node is an integer. Equal expressions are one node (global value numbering), and the constructors simplify:
+zeros, ones, negations and constants are folded as they are made, so structural zeros of Jacobians cost nothing.
+Building a node here costs about a microsecond, an xDSL operation ten to twenty.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+
+Node = int
+
+UNARY_FUNCTIONS: dict[str, Callable[[float], float]] = {
+    "sqrt": math.sqrt,
+    "exp": math.exp,
+    "log": math.log,
+    "sin": math.sin,
+    "cos": math.cos,
+    "tan": math.tan,
+    "asin": math.asin,
+    "acos": math.acos,
+    "atan": math.atan,
+}
+
+
+class ScalarGraph:
+    """An arena of scalar nodes. `kinds[n]` names the operation of node n, `arguments[n]` its operand nodes."""
+
+    def __init__(self) -> None:
+        self.kinds: list[str] = []
+        self.arguments: list[tuple[Node, ...]] = []
+        self.values: list[float] = []
+        """Value of a constant node or power's exponent; position of an input node; 0 for all others."""
+        self._known: dict[tuple[object, ...], Node] = {}
+        self.zero = self.constant(0.0)
+        self.one = self.constant(1.0)
+
+    def __len__(self) -> int:
+        return len(self.kinds)
+
+    def _node(self, kind: str, arguments: tuple[Node, ...] = (), value: float = 0.0) -> Node:
+        key = (kind, arguments, value)
+        found = self._known.get(key)
+        if found is None:
+            found = len(self.kinds)
+            self._known[key] = found
+            self.kinds.append(kind)
+            self.arguments.append(arguments)
+            self.values.append(value)
+        return found
+
+    # -- leaves --------------------------------------------------------------------------------------------
+
+    def constant(self, value: float) -> Node:
+        return self._node("constant", (), float(value) + 0.0)  # + 0.0 turns -0.0 into 0.0
+
+    def input(self, position: int) -> Node:
+        return self._node("input", (), float(position))
+
+    def is_constant(self, a: Node) -> bool:
+        return self.kinds[a] == "constant"
+
+    # -- arithmetic ----------------------------------------------------------------------------------------
+
+    def add(self, a: Node, b: Node) -> Node:
+        if a == self.zero:
+            return b
+        if b == self.zero:
+            return a
+        kind_a, kind_b = self.kinds[a], self.kinds[b]
+        if kind_a == "constant" and kind_b == "constant":
+            return self.constant(self.values[a] + self.values[b])
+        if kind_b == "neg":
+            return self.sub(a, self.arguments[b][0])
+        if kind_a == "neg":
+            return self.sub(b, self.arguments[a][0])
+        return self._node("add", (a, b) if a < b else (b, a))
+
+    def sub(self, a: Node, b: Node) -> Node:
+        if b == self.zero:
+            return a
+        if a == b:
+            return self.zero
+        if a == self.zero:
+            return self.neg(b)
+        if self.kinds[a] == "constant" and self.kinds[b] == "constant":
+            return self.constant(self.values[a] - self.values[b])
+        if self.kinds[b] == "neg":
+            return self.add(a, self.arguments[b][0])
+        if self.kinds[a] == "neg":
+            return self.neg(self.add(self.arguments[a][0], b))
+        if b < a:  # one node for a - b and b - a, so that both signs share it
+            return self.neg(self._node("sub", (b, a)))
+        return self._node("sub", (a, b))
+
+    def neg(self, a: Node) -> Node:
+        if self.kinds[a] == "constant":
+            return self.constant(-self.values[a])
+        if self.kinds[a] == "neg":
+            return self.arguments[a][0]
+        return self._node("neg", (a,))
+
+    def mul(self, a: Node, b: Node) -> Node:
+        if self.zero in (a, b):
+            return self.zero
+        if a == self.one:
+            return b
+        if b == self.one:
+            return a
+        kind_a, kind_b = self.kinds[a], self.kinds[b]
+        if kind_a == "constant" and kind_b == "constant":
+            return self.constant(self.values[a] * self.values[b])
+        if kind_a == "neg":
+            return self.neg(self.mul(self.arguments[a][0], b))
+        if kind_b == "neg":
+            return self.neg(self.mul(a, self.arguments[b][0]))
+        if kind_b == "constant":
+            a, b, kind_a = b, a, kind_b
+            kind_b = self.kinds[b]
+        if kind_a == "constant":
+            if self.values[a] < 0.0:
+                return self.neg(self.mul(self.constant(-self.values[a]), b))
+            if kind_b == "mul" and self.is_constant(self.arguments[b][0]):
+                inner = self.arguments[b]
+                return self.mul(self.constant(self.values[a] * self.values[inner[0]]), inner[1])
+            return self._node("mul", (a, b))
+        return self._node("mul", (a, b) if a < b else (b, a))
+
+    def div(self, a: Node, b: Node) -> Node:
+        if a == self.zero:
+            return self.zero
+        if b == self.one:
+            return a
+        if self.kinds[b] == "constant" and self.values[b] != 0.0:
+            if self.kinds[a] == "constant":
+                return self.constant(self.values[a] / self.values[b])
+            if math.frexp(self.values[b])[0] in (0.5, -0.5):  # a power of two: exact as a product
+                return self.mul(self.constant(1.0 / self.values[b]), a)
+        if self.kinds[a] == "neg":
+            return self.neg(self.div(self.arguments[a][0], b))
+        if self.kinds[b] == "neg":
+            return self.neg(self.div(a, self.arguments[b][0]))
+        return self._node("div", (a, b))
+
+    def power(self, a: Node, exponent: float) -> Node:
+        """`a ** exponent` for a constant exponent; small integers by multiplication."""
+        if exponent == 0.0:
+            return self.one
+        if exponent == 1.0:
+            return a
+        if exponent == 0.5:
+            return self.unary("sqrt", a)
+        if exponent == int(exponent) and abs(exponent) <= 64:
+            if exponent < 0:
+                return self.div(self.one, self.power(a, -exponent))
+            half = self.power(a, exponent // 2)
+            square = self.mul(half, half)
+            return self.mul(square, a) if exponent % 2 else square
+        return self._node("power", (a,), exponent)
+
+    def unary(self, kind: str, a: Node) -> Node:
+        """One of `UNARY_FUNCTIONS`."""
+        if self.kinds[a] == "constant":
+            try:
+                return self.constant(UNARY_FUNCTIONS[kind](self.values[a]))
+            except ValueError:
+                pass  # outside its domain: left to run time, where it gives NaN and is reported
+        return self._node(kind, (a,))
+
+    # -- sums ----------------------------------------------------------------------------------------------
+
+    def sum(self, terms: Sequence[Node]) -> Node:
+        total = self.zero
+        for term in terms:
+            total = self.add(total, term)
+        return total
+
+    def dot(self, left: Sequence[Node], right: Sequence[Node]) -> Node:
+        return self.sum([self.mul(a, b) for a, b in zip(left, right, strict=True)])
+
+    def reachable(self, outputs: Sequence[Node]) -> list[Node]:
+        """Nodes needed for the outputs, operands before users."""
+        needed = set()
+        stack = list(outputs)
+        while stack:
+            node = stack.pop()
+            if node not in needed:
+                needed.add(node)
+                stack.extend(self.arguments[node])
+        return sorted(needed)  # a node is made after its operands

@@ -1,0 +1,336 @@
+"""A simulation as one ParaView file: temporal VTKHDF, written frame by frame.
+
+The layout is that of the VTKHDF file format 2.0 for a temporal `UnstructuredGrid`
+(https://docs.vtk.org/en/latest/vtk_file_formats/vtkhdf_file_format/vtkhdf_specifications.html), which
+ParaView 5.12 and VTK 9.3 or newer read. Every step is one part; the cells are stored once and every step
+points at them.
+
+How a frame becomes visible: all its arrays are written behind the frames that are there, and flushed; only
+then the attribute `NSteps`, which tells readers how many frames to look at, is raised by one and its time is
+added. The file is closed between frames, so that ParaView can open it while the simulation goes on, and a run
+that is killed leaves the frames written so far. (Tried on 400 runs killed while they did nothing but write
+frames.)
+"""
+
+import os
+from collections.abc import Mapping
+from pathlib import Path
+from types import TracebackType
+from typing import Any, Final, Self
+
+import h5py
+import numpy as np
+import numpy.typing as npt
+
+from yasps.frontend.errors import YaspsError
+
+Array = npt.NDArray[Any]
+
+# Cell name (as in meshio) -> (number in vtkCellType.h, points per cell).
+CELL_KINDS: Final[Mapping[str, tuple[int, int]]] = {
+    "vertex": (1, 1),
+    "line": (3, 2),
+    "triangle": (5, 3),
+    "tetra": (10, 4),
+}
+
+# Rows of a chunk at most: a chunk must stay under 4 GiB, and a frame is otherwise one chunk.
+_LARGEST_CHUNK: Final = 2**20
+# Rows of a chunk in the arrays that hold one number a step.
+_STEPS_PER_CHUNK: Final = 256
+
+
+class OutputFileError(YaspsError):
+    """A frame or a mesh that can't be written to an output file, or a file that can't be made."""
+
+
+class VtkHdfSeries:
+    """Writes the frames of a simulation with fixed cells to one `.vtkhdf` file.
+
+    The file appears with the first frame (an older file of that name is replaced then, not before), and each
+    call of `write_frame` adds one step. Use it as a context manager, or call `close`.
+
+    Args:
+        path: the file; its name must end in `.vtkhdf` (ParaView goes by it) and its folder must exist.
+        number_of_points: n, the same in all frames.
+        cells: name of a cell kind (`"tetra"`, `"triangle"`, `"line"`, `"vertex"`) -> point numbers, shape
+            [m, points of such a cell], counted from 0. The order of the kinds is the order of the cell data.
+        static_point_data: name -> [n] or [n, c], the same in all frames.
+        static_cell_data: name -> [m] or [m, c] over all cells, the same in all frames, say the number of the body.
+        single_precision: store floating-point data in 4 bytes instead of 8. Times are always stored in 8.
+
+    Raises:
+        OutputFileError: a wrong shape, type, name, point number or path. Nothing has been written then.
+    """
+
+    def __init__(
+        self,
+        path: str | os.PathLike[str],
+        number_of_points: int,
+        cells: Mapping[str, npt.ArrayLike],
+        *,
+        static_point_data: Mapping[str, npt.ArrayLike] | None = None,
+        static_cell_data: Mapping[str, npt.ArrayLike] | None = None,
+        single_precision: bool = False,
+    ) -> None:
+        self.path = Path(path)
+        if self.path.suffix != ".vtkhdf":
+            raise OutputFileError(
+                f"The file name '{self.path.name}' does not end in '.vtkhdf', by which ParaView knows "
+                f"the format. Call it '{self.path.with_suffix('.vtkhdf').name}'."
+            )
+        if not self.path.parent.is_dir():
+            raise OutputFileError(
+                f"The folder '{self.path.parent}' for '{self.path.name}' does not exist. Make it first."
+            )
+        if number_of_points < 1:
+            raise OutputFileError(f"number_of_points is {number_of_points}; a series needs at least one point.")
+        self.number_of_points = number_of_points
+        self._float = np.dtype(np.float32 if single_precision else np.float64)
+        self._connectivity, self._offsets, self._types = _flat_cells(cells, number_of_points)
+        self.number_of_cells = len(self._types)
+        self._static_points = self._data("static_point_data", static_point_data, number_of_points)
+        self._static_cells = self._data("static_cell_data", static_cell_data, self.number_of_cells)
+        self._frames = 0
+        self._last_time = -np.inf
+        # What the first frame declares: (group, name) -> (columns, type); later frames must match.
+        self._declared: dict[tuple[str, str], tuple[tuple[int, ...], np.dtype[Any]]] = {}
+        self._closed = False
+
+    @property
+    def number_of_frames(self) -> int:
+        """How many frames the file holds."""
+        return self._frames
+
+    def write_frame(
+        self,
+        time: float,
+        points: npt.ArrayLike,
+        *,
+        point_data: Mapping[str, npt.ArrayLike] | None = None,
+        cell_data: Mapping[str, npt.ArrayLike] | None = None,
+    ) -> None:
+        """Adds one step: wholly when it returns, not at all when it raises.
+
+        Args:
+            time: in seconds (or the user's unit), greater than that of the frame before.
+            points: positions, shape [n, 3], finite.
+            point_data: name -> [n] or [n, c]; the same names, shapes and types in every frame.
+            cell_data: name -> [m] or [m, c] over all cells, in the order in which the kinds were given.
+
+        Raises:
+            OutputFileError: a wrong shape, NaN or infinity, names that differ from those of the first frame, a
+                time that does not grow, a file that can't be written, or a series that is closed.
+        """
+        if self._closed:
+            raise OutputFileError(f"'{self.path.name}' is closed: no frame can be added after close().")
+        if not np.isfinite(time) or time <= self._last_time:
+            raise OutputFileError(
+                f"The time of frame {self._frames} of '{self.path.name}' is {time}; it must be finite and "
+                f"greater than that of the frame before ({self._last_time})."
+            )
+        positions = self._checked("points", points, self.number_of_points)
+        if positions.shape != (self.number_of_points, 3):
+            raise OutputFileError(
+                f"The points of frame {self._frames} have shape {list(positions.shape)}, expected "
+                f"[{self.number_of_points}, 3]. {_FIXED_CELLS}"
+            )
+        on_points = self._data("point_data", point_data, self.number_of_points)
+        on_cells = self._data("cell_data", cell_data, self.number_of_cells)
+        frame = _grouped(on_points, on_cells)
+        positions = positions.astype(self._float)
+        self._check_same_data(frame)
+
+        try:
+            if self._frames == 0:
+                # Built under another name and then renamed: no reader ever sees a file without a frame.
+                unfinished = self.path.with_name(f".{self.path.name}.unfinished")
+                try:
+                    with h5py.File(unfinished, "w") as file:
+                        self._write_layout(file, frame)
+                        self._append(file, float(time), positions, frame)
+                    unfinished.replace(self.path)
+                finally:
+                    unfinished.unlink(missing_ok=True)
+            else:
+                with h5py.File(self.path, "r+") as file:
+                    try:
+                        self._append(file, float(time), positions, frame)
+                    except BaseException:
+                        # Ctrl-C too: VTK 9.7 crashes where there are more times than NSteps.
+                        _set_steps(file["VTKHDF/Steps"], self._frames)
+                        raise
+        except OSError as error:
+            raise OutputFileError(f"Frame {self._frames} could not be written to '{self.path}': {error}") from error
+        self._declared = {key: (a.shape[1:], a.dtype) for key, a in frame.items()}
+        self._last_time = float(time)
+        self._frames += 1
+
+    def close(self) -> None:
+        """Ends the series. The file itself is already closed, as after every frame."""
+        self._closed = True
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+    def _checked(self, what: str, values: npt.ArrayLike, rows: int) -> Array:
+        """`values` as an array of a storable type with `rows` rows and no NaN."""
+        array = np.asarray(values)
+        if array.dtype.kind == "b":
+            array = array.astype(np.uint8)
+        elif array.dtype.kind in "iu":
+            array = array.astype(np.int64)
+        elif array.dtype.kind == "f":
+            # What is too great for 4 bytes becomes infinite, which the test below reports.
+            with np.errstate(over="ignore"):
+                array = array.astype(self._float)
+        else:
+            raise OutputFileError(f"{what} has type {array.dtype}; only numbers and booleans can be written.")
+        if array.ndim not in (1, 2) or len(array) != rows or array.size == 0:
+            raise OutputFileError(
+                f"{what} has shape {list(array.shape)}, expected [{rows}] or [{rows}, components]. {_FIXED_CELLS}"
+            )
+        if array.dtype.kind == "f" and not np.isfinite(array).all():
+            row = int(np.argwhere(~np.isfinite(array))[0, 0])
+            raise OutputFileError(
+                f"{what} is not finite (NaN or infinite in {self._float}) at row {row}: {array[row]}. "
+                "The simulation has most likely diverged; the frame was not written."
+            )
+        return array
+
+    def _data(self, argument: str, data: Mapping[str, npt.ArrayLike] | None, rows: int) -> dict[str, Array]:
+        checked: dict[str, Array] = {}
+        for name, values in (data or {}).items():
+            if not name or "/" in name or name == ".":
+                raise OutputFileError(f"The name '{name}' in {argument} must not be empty, be '.' or hold a '/'.")
+            checked[name] = self._checked(f"{argument}['{name}']", values, rows)
+        return checked
+
+    def _check_same_data(self, frame: Mapping[tuple[str, str], Array]) -> None:
+        for group, name in frame.keys() & _grouped(self._static_points, self._static_cells).keys():
+            raise OutputFileError(f"{group} '{name}' is static data of this series: no frame can bring its own.")
+        if self._frames == 0:
+            return
+        if frame.keys() != self._declared.keys():
+            raise OutputFileError(
+                f"Frame {self._frames} has the data {sorted(frame)}, but the first had "
+                f"{sorted(self._declared)}. Every frame of a series must hold the same data."
+            )
+        for key, array in frame.items():
+            columns, dtype = self._declared[key]
+            if (array.shape[1:], array.dtype) != (columns, dtype):
+                raise OutputFileError(
+                    f"{key[0]} '{key[1]}' of frame {self._frames} has components {list(array.shape[1:])} of "
+                    f"type {array.dtype}, but {list(columns)} of type {dtype} in the first frame."
+                )
+
+    def _write_layout(self, file: h5py.File, frame: Mapping[tuple[str, str], Array]) -> None:
+        """Everything that does not change with the frames, and empty arrays for what does."""
+        root = file.create_group("VTKHDF")
+        root.attrs["Version"] = np.array([2, 0], dtype=np.int64)
+        # VTK wants a fixed-length ASCII string; a Python str would be stored with variable length.
+        root.attrs["Type"] = np.bytes_("UnstructuredGrid")
+        root["NumberOfPoints"] = np.array([self.number_of_points], dtype=np.int64)
+        root["NumberOfCells"] = np.array([self.number_of_cells], dtype=np.int64)
+        root["NumberOfConnectivityIds"] = np.array([len(self._connectivity)], dtype=np.int64)
+        root["Connectivity"] = self._connectivity
+        root["Offsets"] = self._offsets
+        root["Types"] = self._types
+        _growing(root, "Points", (self.number_of_points, 3), self._float)
+        steps = root.create_group("Steps")
+        steps.attrs["NSteps"] = np.int64(0)
+        _growing(steps, "Values", (1,), np.dtype(np.float64))
+        for name in ("PartOffsets", "NumberOfParts", "PointOffsets"):
+            _growing(steps, name, (1,), np.dtype(np.int64))
+        for name in ("CellOffsets", "ConnectivityIdOffsets"):
+            _growing(steps, name, (1, 1), np.dtype(np.int64))
+        static = _grouped(self._static_points, self._static_cells)
+        for (group, name), array in static.items():
+            root.require_group(group)[name] = array
+        for (group, name), array in frame.items():
+            _growing(root.require_group(group), name, array.shape, array.dtype)
+        for group, name in (*static, *frame):
+            _growing(steps.require_group(f"{group}Offsets"), name, (1,), np.dtype(np.int64))
+
+    def _append(self, file: h5py.File, time: float, positions: Array, frame: Mapping[tuple[str, str], Array]) -> None:
+        root = file["VTKHDF"]
+        steps = root["Steps"]
+        index = self._frames
+        # Rows are addressed from the number of whole frames: what a failed attempt left is written over.
+        _put(root["Points"], index * self.number_of_points, positions)
+        for (group, name), array in frame.items():
+            _put(root[group][name], index * len(array), array)
+            _put(steps[f"{group}Offsets"][name], index, np.array([index * len(array)]))
+        for group, name in _grouped(self._static_points, self._static_cells):
+            _put(steps[f"{group}Offsets"][name], index, np.array([0]))
+        _put(steps["PointOffsets"], index, np.array([index * self.number_of_points]))
+        _put(steps["PartOffsets"], index, np.array([0]))
+        _put(steps["NumberOfParts"], index, np.array([1]))
+        _put(steps["CellOffsets"], index, np.array([[0]]))
+        _put(steps["ConnectivityIdOffsets"], index, np.array([[0]]))
+        file.flush()
+        # Both leave when the file closes: HDF5 writes these few bytes at once, or else NSteps first.
+        steps.attrs.modify("NSteps", np.int64(index + 1))
+        _put(steps["Values"], index, np.array([time]))
+
+
+_FIXED_CELLS: Final = "A series has the same points and cells in all frames: begin another series for another mesh."
+
+
+def _flat_cells(cells: Mapping[str, npt.ArrayLike], number_of_points: int) -> tuple[Array, Array, Array]:
+    """Connectivity, offsets (one more than there are cells) and VTK's cell numbers."""
+    connectivity: list[Array] = []
+    sizes: list[Array] = [np.zeros(1, dtype=np.int64)]
+    types: list[Array] = []
+    for name, values in cells.items():
+        if name not in CELL_KINDS:
+            raise OutputFileError(f"Unknown kind of cell '{name}'; known are {', '.join(CELL_KINDS)}.")
+        number, arity = CELL_KINDS[name]
+        array = np.asarray(values)
+        if array.ndim != 2 or array.shape[1] != arity or array.dtype.kind not in "iu":
+            raise OutputFileError(
+                f"The cells '{name}' have shape {list(array.shape)} and type {array.dtype}, expected "
+                f"integers (point numbers) of shape [cells, {arity}]."
+            )
+        if array.size and (array.min() < 0 or array.max() >= number_of_points):
+            bad = int(np.argwhere((array < 0) | (array >= number_of_points))[0, 0])
+            raise OutputFileError(
+                f"Cell {bad} of '{name}' is {array[bad].tolist()}, but points are counted from 0 to "
+                f"{number_of_points - 1}."
+            )
+        connectivity.append(array.astype(np.int64).ravel())
+        sizes.append(np.full(len(array), arity, dtype=np.int64))
+        types.append(np.full(len(array), number, dtype=np.uint8))
+    if not sum(len(t) for t in types):
+        raise OutputFileError("A series needs at least one cell: ParaView shows no points without cells.")
+    return np.concatenate(connectivity), np.cumsum(np.concatenate(sizes)), np.concatenate(types)
+
+
+def _grouped(on_points: Mapping[str, Array], on_cells: Mapping[str, Array]) -> dict[tuple[str, str], Array]:
+    """The data under (group of the file, name)."""
+    grouped = {("PointData", name): array for name, array in on_points.items()}
+    return grouped | {("CellData", name): array for name, array in on_cells.items()}
+
+
+def _growing(group: h5py.Group, name: str, shape: tuple[int, ...], dtype: np.dtype[Any]) -> None:
+    """An empty array to which frames of `shape` will be added along the first axis."""
+    rows = _STEPS_PER_CHUNK if shape[0] == 1 else min(shape[0], _LARGEST_CHUNK)
+    columns = shape[1:]
+    group.create_dataset(name, shape=(0, *columns), maxshape=(None, *columns), chunks=(rows, *columns), dtype=dtype)
+
+
+def _set_steps(steps: h5py.Group, frames: int) -> None:
+    """Makes `frames` the number of steps that readers see; what lies behind them is written over later."""
+    if len(steps["Values"]) > frames:
+        steps["Values"].resize(frames, axis=0)
+    steps.attrs.modify("NSteps", np.int64(frames))
+
+
+def _put(dataset: h5py.Dataset, first: int, rows: Array) -> None:
+    dataset.resize(first + len(rows), axis=0)
+    dataset[first : first + len(rows)] = rows

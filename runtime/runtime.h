@@ -1,0 +1,172 @@
+// What the files of the solver runtime share: memory, vector types, the block-sparse structure and the C API.
+//
+// Every function that Python calls is extern "C" and allocates through Buffer, so that running out of memory is
+// a status and not an exception that cannot cross the language border.
+#pragma once
+
+#include <math.h>
+#include <stdint.h>
+#include <stdlib.h>
+#include <string.h>
+#ifdef _OPENMP
+#include <omp.h>
+#else
+inline int omp_get_thread_num() { return 0; }
+inline int omp_get_num_threads() { return 1; }
+#endif
+
+static_assert(sizeof(long) == 8, "the runtime's C interface passes 64-bit integers as long");
+
+namespace yasps {
+
+// Vectors of 4 and 8 doubles. The compiler splits them where the processor's registers are narrower.
+typedef double d4 __attribute__((vector_size(32), may_alias));
+typedef double d4_unaligned __attribute__((vector_size(32), aligned(8), may_alias));
+typedef double d8 __attribute__((vector_size(64), may_alias));
+typedef long l4 __attribute__((vector_size(32)));
+typedef long l8 __attribute__((vector_size(64)));
+
+inline d4 load(const double* p) { return *reinterpret_cast<const d4*>(p); }
+inline d4 load_unaligned(const double* p) { return *reinterpret_cast<const d4_unaligned*>(p); }
+inline void store(double* p, d4 v) { *reinterpret_cast<d4*>(p) = v; }
+inline double sum_of(d4 v) { return (v[0] + v[1]) + (v[2] + v[3]); }
+
+enum Status { kOk = 0, kOutOfMemory = 1, kBadSlot = 2, kTooManyBlocks = 3 };
+
+// Memory that only grows and is reused between calls: aligned to a cache line, uninitialised.
+template <class T>
+struct Buffer {
+    T* data = nullptr;
+    long capacity = 0;
+
+    Buffer() = default;
+    Buffer(const Buffer&) = delete;
+    Buffer& operator=(const Buffer&) = delete;
+    ~Buffer() { free(data); }
+
+    T& operator[](long i) { return data[i]; }
+    const T& operator[](long i) const { return data[i]; }
+
+    // Makes room for n items. What was there is lost when the buffer has to grow. False: out of memory.
+    bool reserve(long n) {
+        if (n <= capacity) return true;
+        const long grown = n + n / 4;
+        void* fresh = nullptr;
+        if (posix_memalign(&fresh, 64, static_cast<size_t>(grown) * sizeof(T) + 64) != 0) return false;
+        free(data);
+        data = static_cast<T*>(fresh);
+        capacity = grown;
+        return true;
+    }
+    // As reserve, and new memory is zero; memory that was already there is left as it is.
+    bool reserve_zero(long n) {
+        const long before = capacity;
+        if (!reserve(n)) return false;
+        if (capacity != before) memset(static_cast<void*>(data), 0, static_cast<size_t>(capacity) * sizeof(T));
+        return true;
+    }
+    void swap(Buffer& other) {
+        T* const d = data;
+        const long c = capacity;
+        data = other.data, capacity = other.capacity;
+        other.data = d, other.capacity = c;
+    }
+};
+
+struct Range {
+    long begin, end;
+};
+// Part t of n items cut into `parts` contiguous pieces.
+inline Range piece(long n, long t, long parts) { return {n * t / parts, n * (t + 1) / parts}; }
+
+// Where the blocks of unknowns ("dof blocks") lie in the global vectors. Solver vectors are kept padded: every
+// block starts at a multiple of four doubles and the gaps hold zero, so that blocks load as aligned vectors.
+struct Layout {
+    long scalars = 0;            // length of the gradient
+    long blocks = 0;             // number of dof blocks
+    long padded = 0;             // length of a padded vector
+    int classes = 0;             // number of distinct block sizes
+    int largest = 0;             // the largest block size
+    Buffer<int> class_size;      // [classes], ascending
+    Buffer<int> block_at;        // [scalars]: the block that starts at this scalar offset, or -1
+    Buffer<int> start;           // [blocks]: scalar offset
+    Buffer<int> size;            // [blocks]
+    Buffer<int> class_of;        // [blocks]: index into class_size
+    Buffer<int> padded_start;    // [blocks + 1]
+    Buffer<long> inverse_start;  // [blocks + 1]: where the preconditioner keeps the block, rows padded
+
+    bool build(long targets, const long* boundaries, const int* block_sizes);
+    void swap(Layout& other);
+    // The dof blocks of part t when the padded vector is cut into `parts` pieces of about the same length.
+    Range blocks_of_part(long t, long parts) const;
+};
+inline int padded_size(int size) { return (size + 3) & ~3; }
+
+// All blocks of one shape: rows x cols, sorted by (row, col).
+struct Group {
+    int rows, cols;
+    long first_block, count;
+    long first_value;  // offset in doubles of the group's first block in HessianBlocks
+};
+
+// One local block on its way to its row's bucket.
+struct Entry {
+    uint32_t column;  // dof block * 4 + flags as in PositionInData
+    uint32_t source;  // index into the PositionInData of all energies laid end to end
+};
+
+// The sparsity of a symmetric matrix, upper triangle only (paper, appendix B).
+struct Structure {
+    Layout layout;
+    long blocks = 0;      // number of unique global blocks
+    long values = 0;      // doubles in HessianBlocks
+    int group_count = 0;  // shapes that occur
+    Buffer<Group> groups;
+    Buffer<int> row, col;                // [blocks]: dof blocks, row <= col
+    Buffer<int> padded_row, padded_col;  // [blocks]: the same as offsets into padded vectors
+    Buffer<long> diagonal;               // [layout.blocks]: offset of the diagonal block, or -1
+
+    // Scratch of the build, kept for the next one.
+    Layout next_layout;
+    Buffer<int> counts, unique, unique_count, marker;
+    Buffer<long> bucket_start, next_entry, class_start, place;
+    Buffer<Entry> entries;
+};
+
+// Adds rows [begin, end) of this thread's share of H x into y; both are padded. See multiply.cpp.
+void multiply_part(const Structure& s, const double* values, long thread, long threads, const double* x, double* y);
+// The part of y that multiply_part writes for this thread.
+Range touched_by_part(const Structure& s, long thread, long threads);
+
+void pack(const Layout& layout, Range blocks, const double* compact, double* padded);
+void unpack(const Layout& layout, Range blocks, const double* padded, double* compact);
+
+// Inverts the sum of the diagonal blocks of all parts, for dof blocks [range); see preconditioner.cpp.
+enum InversionStatus { kInverted = 0, kIndefinite = 1, kNonFinite = 2 };
+InversionStatus invert_diagonal(int parts, const Structure* const* structures, const double* const* values, Range range,
+                                double* inverse, double* scratch, long* bad_block);
+
+}  // namespace yasps
+
+extern "C" {
+
+// What a generated energy kernel writes to; its layout is part of the interface to generated code.
+struct yasps_sink {
+    double* gradient;          // [scalars]
+    double* blocks;            // HessianBlocks, or null: gradient only
+    const int* kappa;          // [n, capacity], 1-based, 0 = no contribution
+    const long* position;      // [n, capacity (capacity + 1) / 2]
+    const int* block_size_at;  // [scalars]: size of the dof block that starts here
+    long (*project)(double* packed, int width, int lanes, int mode);
+    int mode;  // 0 = clamp, 1 = abs, 2 = leave
+    long* projected;
+};
+
+typedef long (*yasps_energy_kernel)(const void* const* args, long begin, long end, const yasps_sink* sink);
+typedef void (*yasps_value_kernel)(const void* const* args, long begin, long end, double* out);
+
+// Instances a kernel evaluates at once; chunk borders are multiples of it.
+enum { kYaspsLanes = 8 };
+
+long yasps_project(double* packed, int width, int lanes, int mode);
+}
