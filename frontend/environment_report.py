@@ -6,7 +6,7 @@ from importlib import metadata
 from pathlib import Path
 from typing import Final
 
-from yasps.frontend.errors import YaspsError
+from yasps.runtime import toolchain
 
 PACKAGES: Final = ("numpy", "scipy", "xdsl", "ipctk", "meshio", "h5py", "pyvista")
 
@@ -59,20 +59,15 @@ def _usable_cores() -> int:
 
 
 def _compiler() -> str:
-    # Late: the tool chain is not needed for anything else here, and `yasps info` should be quick.
-    from yasps.runtime import toolchain
-
     try:
         compiler = toolchain.find_compiler()
-    except YaspsError as error:
+    except (toolchain.CompilerNotFoundError, toolchain.CacheFolderError) as error:
         return str(error)
-    return f"{compiler.path} ({compiler.version})"
+    return f"{compiler.path}: {compiler.version}"
 
 
 def _cache_folder() -> str:
-    from yasps.runtime import toolchain
-
     try:
         return str(toolchain.cache_folder())
-    except (YaspsError, OSError) as error:
+    except toolchain.CacheFolderError as error:
         return str(error)

@@ -1,8 +1,8 @@
-"""Tetrahedra that fill an implicit surface: isosurface stuffing (Labelle and Shewchuk, SIGGRAPH 2007), one lattice size.
+"""Tetrahedra that fill an implicit surface, by isosurface stuffing (Labelle and Shewchuk, SIGGRAPH 2007).
 
-The tetrahedra of a body-centred cubic lattice that lie inside are kept as they are; those that the surface cuts are
-trimmed by a fixed stencil. Before that, every lattice point that the surface passes too closely is moved onto it: this
-alone keeps all dihedral angles between 10.7 and 164.8 degrees, whatever the surface.
+The tetrahedra of a body-centred cubic lattice, of one size throughout, that lie inside are kept as they are; those
+that the surface cuts are trimmed by a fixed stencil. Before that, every lattice point that the surface passes too
+closely is moved onto it: this alone keeps all dihedral angles between 10.7 and 164.8 degrees, whatever the surface.
 """
 
 import itertools
@@ -17,12 +17,19 @@ from yasps.frontend.tetrahedral_mesh import TET_EDGES, Float64Array, MeshError, 
 ImplicitSurface = Callable[[Float64Array], Float64Array]
 IntArray = npt.NDArray[np.int64]
 
-# A lattice point is moved onto the surface when the surface cuts one of its edges nearer to it than this fraction of the
-# edge's length. Labelle and Shewchuk, Section 3, for the bounds 10.78 and 164.74 degrees.
-ALPHA_LONG = 0.24999
-ALPHA_SHORT = 0.41189
+# A lattice point is moved onto the surface when the surface cuts one of its edges nearer to it than this fraction of
+# the edge's length. Chosen by enumerating every way in which a tetrahedron can be warped and cut (the tests
+# do it again): all dihedral angles stay between 10.77 and 164.71 degrees, within Labelle and Shewchuk's guarantee.
+# More on long edges raises the largest angle; the smallest falls when the fraction on short edges goes either way.
+ALPHA_LONG = 0.285
+ALPHA_SHORT = 0.39875
 
 FALSE_POSITION_STEPS = 4
+SEARCH_STEPS = 16
+
+
+class CoarseLatticeError(MeshError):
+    """The lattice is too coarse for the surface: no point of it is inside, or the mesh touches itself."""
 
 
 def stuff_isosurface(function: ImplicitSurface, lower: Vector, upper: Vector, spacing: float) -> TetrahedralMesh:
@@ -32,7 +39,7 @@ def stuff_isosurface(function: ImplicitSurface, lower: Vector, upper: Vector, sp
         function: takes positions [n, 3], gives values [n]: negative inside, positive outside, continuous. A signed
             distance is not required.
         lower, upper: two corners [3] of a box that contains the surface.
-        spacing: side of the lattice's cubes, in the units of the box. Edges come out between about 0.4 and 1.3 times
+        spacing: side of the lattice's cubes, in the units of the box. Edges come out between about 0.3 and 1.3 times
             this; features thinner than it are lost. There is a lattice point at the middle of the box's bottom.
 
     Returns:
@@ -64,13 +71,19 @@ def stuff_isosurface(function: ImplicitSurface, lower: Vector, upper: Vector, sp
     node_table[cut, 4:] = len(points) + edge_of_tet
     filled = fill_stencils(node_table, signs[tets], right_handed)
     if not len(filled):
-        raise MeshError(
+        raise CoarseLatticeError(
             f"No lattice point is inside the surface at spacing {spacing:g}: make the spacing smaller, "
             "and check that the function is negative inside."
         )
     used, numbered = np.unique(filled, return_inverse=True)
     mesh = TetrahedralMesh(nodes[used], numbered.reshape(-1, 4).astype(np.int32))
-    check_surface_is_manifold(mesh, spacing)
+    pinched = mesh.surface_pinches()
+    if len(pinched):
+        raise CoarseLatticeError(
+            f"At spacing {spacing:g} the surface touches itself at {len(pinched)} places, first near "
+            f"{mesh.vertices[pinched[0]].round(4).tolist()}. A part or a gap there is about as thin as the lattice: "
+            "make the spacing smaller (ask for more vertices), or the part thicker."
+        )
     return mesh
 
 
@@ -95,9 +108,14 @@ def stuff_isosurface_with_vertex_count(
     if inside == 0:
         raise MeshError("The function is nowhere negative in the box: there is nothing inside to fill.")
     spacing = float((2 * inside * np.prod(high - low) / vertices) ** (1 / 3))
-    counts = []
-    for _ in range(12):
-        mesh = stuff_isosurface(function, low, high, spacing)
+    counts: list[int] = []
+    for _ in range(SEARCH_STEPS):
+        try:
+            mesh = stuff_isosurface(function, low, high, spacing)
+        except CoarseLatticeError:
+            # Which lattice points come to lie on both sides of a narrow gap changes with the spacing.
+            spacing *= 0.97
+            continue
         counts.append(len(mesh.vertices))
         if abs(counts[-1] - vertices) <= tolerance * vertices:
             return mesh
@@ -110,7 +128,7 @@ def stuff_isosurface_with_vertex_count(
 
 @dataclass(frozen=True)
 class Lattice:
-    """A body-centred cubic lattice: the corners of `cells` cubes of side `spacing`, numbered first, then their centres."""
+    """A body-centred cubic lattice: the corners of `cells` cubes of side `spacing`, then the centres of the cubes."""
 
     origin: Float64Array
     spacing: float
@@ -159,8 +177,8 @@ class Lattice:
         leaving = np.count_nonzero(corners[border] <= 0)
         if leaving:
             raise MeshError(
-                f"The surface leaves its box: the function is not positive at {leaving} of {border.sum()} lattice points "
-                "around it. Give a larger box, and check that the function is positive outside."
+                f"The surface leaves its box: the function is not positive at {leaving} of {border.sum()} lattice "
+                "points around it. Give a larger box, and check that the function is positive outside."
             )
 
     def tets_touching(self, inside: npt.NDArray[np.bool_]) -> tuple[IntArray, npt.NDArray[np.bool_]]:
@@ -262,7 +280,7 @@ def warp_lattice(
     edges: IntArray,
     fraction: Float64Array,
 ) -> None:
-    """Move the points that the surface passes too closely onto their nearest cut, and set their sign to zero (in place).
+    """Move the points that the surface passes too closely onto their nearest cut; their sign becomes 0 (in place).
 
     A moved point's edges are no longer cut, which may free its neighbours from moving: the order matters. Points of one
     colour share no edge, so that colour by colour, all points of it at once, is one valid order.
@@ -282,9 +300,7 @@ def warp_lattice(
             signs[edges[near, end]] = 0
 
 
-def fill_stencils(
-    node_table: IntArray, signs: npt.NDArray[np.int8], right_handed: npt.NDArray[np.bool_]
-) -> IntArray:
+def fill_stencils(node_table: IntArray, signs: npt.NDArray[np.int8], right_handed: npt.NDArray[np.bool_]) -> IntArray:
     """The tetrahedra [k, 4] that fill the inside part of each lattice tetrahedron, positively oriented.
 
     Args:
@@ -305,7 +321,7 @@ def fill_stencils(
 
 
 def inside_stencil(signs: tuple[int, ...]) -> list[list[int]]:
-    """The tetrahedra that fill the inside part of one lattice tetrahedron a0, a1, b0, b1, as positions in its ten nodes.
+    """The tetrahedra that fill the inside part of a lattice tetrahedron a0, a1, b0, b1, as positions in its ten nodes.
 
     A cut face with two inside corners leaves a quadrilateral, and the two tetrahedra at that face must split it along
     the same diagonal. `owns_diagonal` decides from the face alone.
@@ -319,7 +335,7 @@ def inside_stencil(signs: tuple[int, ...]) -> list[list[int]]:
         case 1, _:
             tets = [inside + on + [cut_node(inside[0], o) for o in outside]]
         case 2, 1:
-            p, q = inside if owns_diagonal(*inside, outside[0]) else inside[::-1]
+            p, q = inside if owns_diagonal(inside[0], inside[1], outside[0]) else inside[::-1]
             cut_p, cut_q = cut_node(p, outside[0]), cut_node(q, outside[0])
             tets = [[p, q, cut_q, *on], [p, cut_q, cut_p, *on]]
         case 3, _:
@@ -348,7 +364,7 @@ def owns_diagonal(p: int, q: int, o: int) -> bool:
 
 def cut_node(p: int, q: int) -> int:
     """The position, among the ten nodes of a lattice tetrahedron, of the cut of its edge p, q."""
-    return 4 + TET_EDGES.tolist().index(sorted((p, q)))
+    return 4 + [tuple(edge) for edge in TET_EDGES.tolist()].index((min(p, q), max(p, q)))
 
 
 def split_prism(bottom: list[int], top: list[int]) -> list[list[int]]:
@@ -362,41 +378,3 @@ def positively_oriented(tet: list[int]) -> list[int]:
     nodes = np.concatenate([corners, corners[TET_EDGES].mean(axis=1)])
     a, b, c, d = nodes[tet]
     return tet if np.linalg.det([b - a, c - a, d - a]) > 0 else [tet[0], tet[1], tet[3], tet[2]]
-
-
-def check_surface_is_manifold(mesh: TetrahedralMesh, spacing: float) -> None:
-    """Refuse a surface with an edge that has not two triangles, or a vertex where two sheets touch."""
-    triangles = mesh.surface_triangles()
-    half_edges = triangles[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2)
-    keys, count = np.unique(np.sort(half_edges, axis=1).astype(np.int64) @ [1 << 32, 1], return_counts=True)
-    pinched = keys[count != 2] >> 32
-    if not len(pinched):
-        pinched = vertices_of_several_fans(triangles)
-    if len(pinched):
-        raise MeshError(
-            f"At spacing {spacing:g} the surface touches itself at {len(pinched)} places, first near "
-            f"{mesh.vertices[pinched[0]].round(4).tolist()}. A part or a gap there is about as thin as the lattice: "
-            "make the spacing smaller (ask for more vertices), or the part thicker."
-        )
-
-
-def vertices_of_several_fans(triangles: npt.NDArray[np.int32]) -> IntArray:
-    """The vertices whose triangles do not form a single closed fan, on a surface whose edges have two triangles each."""
-    from scipy.sparse import coo_matrix
-    from scipy.sparse.csgraph import connected_components
-
-    # One node for each corner of each triangle; the corners at a vertex of two triangles that share an edge are joined.
-    corner = np.arange(triangles.size).reshape(-1, 3)
-    start = triangles.astype(np.int64)
-    end = np.roll(start, -1, axis=1)
-    key = np.minimum(start, end) << 32 | np.maximum(start, end)
-    order = np.argsort(key.ravel(), kind="stable").reshape(-1, 2)
-    forward = np.stack([corner.ravel(), np.roll(corner, -1, axis=1).ravel()], axis=1)[order]
-    # The two triangles of an edge run along it in opposite directions.
-    joined = np.concatenate([forward[:, 0], forward[:, 1, ::-1]], axis=1).reshape(-1, 2, 2).transpose(0, 2, 1)
-    rows, columns = joined.reshape(-1, 2).T
-    graph = coo_matrix((np.ones(len(rows), dtype=np.int8), (rows, columns)), shape=(triangles.size,) * 2)
-    _, fan = connected_components(graph, directed=False)
-    _, first = np.unique(fan, return_index=True)
-    fans = np.bincount(triangles.ravel()[first])
-    return np.flatnonzero(fans > 1)

@@ -6,6 +6,8 @@ from functools import cached_property
 
 import numpy as np
 import numpy.typing as npt
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
 from scipy.spatial.transform import Rotation
 
 Float64Array = npt.NDArray[np.float64]
@@ -96,7 +98,8 @@ class TetrahedralMesh:
         if not (np.isfinite(density) and density > 0):
             raise MeshError(f"The density is {density}, but a mass per volume must be a positive number.")
         quarter = np.repeat(0.25 * density * self.volumes(), 4)
-        return np.bincount(self.tets.ravel(), weights=quarter, minlength=len(self.vertices))
+        masses: Float64Array = np.bincount(self.tets.ravel(), quarter, len(self.vertices)).astype(np.float64)
+        return masses
 
     def surface_triangles(self) -> Int32Array:
         """The triangles [k, 3] that belong to one tetrahedron only, counter-clockwise when seen from outside.
@@ -114,11 +117,37 @@ class TetrahedralMesh:
                 f"{face}, shared by {count[worst]}. Tetrahedra overlap or appear twice: "
                 "remove the duplicates or mesh the shape again."
             )
-        return faces[np.sort(first[count == 1])]
+        surface: Int32Array = faces[np.sort(first[count == 1])]
+        return surface
 
     def surface_edges(self) -> Int32Array:
         """The edges [k, 2] of the surface triangles, each once, with the smaller vertex first, in increasing order."""
         return _unique_edges(self.surface_triangles()[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2))
+
+    def surface_pinches(self) -> Int32Array:
+        """The vertices [k] where the surface touches itself, increasing; empty for a closed 2-manifold.
+
+        These are the ends of edges that more than two surface triangles share and the vertices whose surface triangles
+        form several fans.
+        """
+        triangles = self.surface_triangles().astype(np.int64)
+        start, end = triangles, np.roll(triangles, -1, axis=1)
+        low, high = np.minimum(start, end).ravel(), np.maximum(start, end).ravel()
+        keys, edge, count = np.unique(low << 32 | high, return_inverse=True, return_counts=True)
+        if (count != 2).any():
+            crowded = keys[count != 2]
+            return np.unique(np.concatenate([crowded >> 32, crowded & 0xFFFFFFFF])).astype(np.int32)
+        # One node for each corner of each triangle. The two triangles of an edge run along it in opposite directions:
+        # the corner where one starts is joined to the corner where the other ends. A fan is then a component.
+        corners = np.arange(triangles.size).reshape(-1, 3)
+        first, second = np.argsort(edge, kind="stable").reshape(-1, 2).T
+        starts, ends = corners.ravel(), np.roll(corners, -1, axis=1).ravel()
+        joined = np.concatenate([starts[first], ends[first]]), np.concatenate([ends[second], starts[second]])
+        graph = coo_array((np.ones(len(joined[0]), dtype=np.int8), joined), shape=(triangles.size,) * 2)
+        _, fan = connected_components(graph, directed=False)
+        _, corner = np.unique(fan, return_index=True)
+        fans = np.bincount(triangles.ravel()[corner])
+        return np.flatnonzero(fans > 1).astype(np.int32)
 
     def translated(self, offset: Vector) -> "TetrahedralMesh":
         """The mesh moved by `offset` [3]."""
@@ -148,8 +177,8 @@ class TetrahedralMesh:
                 f"Cannot rotate about axis {direction.tolist()} by {angle} radians: "
                 "the axis must not be zero and the angle must be a number."
             )
-        rotation = Rotation.from_rotvec(direction * (angle / length))
-        return TetrahedralMesh(rotation.apply(self.vertices), self.tets)
+        rotation = Rotation.from_rotvec(direction * (angle / length)).as_matrix()
+        return TetrahedralMesh(self.vertices @ rotation.T, self.tets)
 
     def centered(self, center: Vector = (0.0, 0.0, 0.0)) -> "TetrahedralMesh":
         """The mesh moved so that the middle of its bounding box is at `center` [3]."""
@@ -197,7 +226,8 @@ def _checked_vertices(given: npt.ArrayLike) -> Float64Array:
     array = np.asarray(given)
     if array.ndim != 2 or array.shape[1] != 3 or array.dtype.kind not in "fiu":
         raise MeshError(
-            f"vertices is an array of shape {array.shape} of {array.dtype}, but positions are real numbers of shape [n, 3]."
+            f"vertices is an array of shape {array.shape} of {array.dtype}, "
+            "but positions are real numbers of shape [n, 3]."
         )
     vertices = np.array(array, dtype=np.float64, order="C")
     broken = np.flatnonzero(~np.isfinite(vertices).all(axis=1))
@@ -213,7 +243,8 @@ def _checked_tets(given: npt.ArrayLike, vertex_count: int) -> Int32Array:
     array = np.asarray(given)
     if array.ndim != 2 or array.shape[1] != 4 or array.dtype.kind not in "iu":
         raise MeshError(
-            f"tets is an array of shape {array.shape} of {array.dtype}, but vertex indices are integers of shape [m, 4]."
+            f"tets is an array of shape {array.shape} of {array.dtype}, "
+            "but vertex indices are integers of shape [m, 4]."
         )
     if len(array) == 0:
         raise MeshError("There are no tetrahedra: a mesh needs at least one.")

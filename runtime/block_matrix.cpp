@@ -169,13 +169,12 @@ void write_row(Structure& s, const Layout& layout, const Energies& energies, lon
     }
 }
 
-bool reserve_scratch(Structure& s, const Layout& layout, int threads, int largest_capacity, Buffer<int>& slots) {
+bool reserve_scratch(Structure& s, const Layout& layout, int threads, long slot_stride, Buffer<int>& slots) {
     const long n = layout.blocks;
     return s.counts.reserve(n * threads) && s.next_entry.reserve(n * threads) && s.bucket_start.reserve(n + 1) &&
            s.unique_count.reserve(n) && s.marker.reserve(n * threads) && s.place.reserve(n * threads) &&
            s.class_start.reserve(n * layout.classes) &&
-           s.groups.reserve(static_cast<long>(layout.classes) * layout.classes) &&
-           slots.reserve(static_cast<long>(threads) * largest_capacity);
+           s.groups.reserve(static_cast<long>(layout.classes) * layout.classes) && slots.reserve(threads * slot_stride);
 }
 
 // Prefix sums over (row, thread): where each thread puts its next entry of each row.
@@ -198,9 +197,10 @@ int build_structure(Structure& s, const Energies& energies, bool with_diagonal, 
     for (long e = 0; e < energies.count; ++e)
         if (energies.capacity[e] > largest_capacity) largest_capacity = energies.capacity[e];
     Buffer<int> slots;
+    // Threads keep their slots on cache lines of their own.
+    const long slot_stride = (largest_capacity + 31L) / 16 * 16;
     Buffer<long> bad;  // per thread: energy or -1, instance, slot
-    if (!reserve_scratch(s, layout, threads, largest_capacity, slots) || !bad.reserve(3L * threads))
-        return kOutOfMemory;
+    if (!reserve_scratch(s, layout, threads, slot_stride, slots) || !bad.reserve(3L * threads)) return kOutOfMemory;
     if (energies.first_source[energies.count] >= INT64_C(0xffffffff) || rows >= INT64_C(0x3fffffff))
         return kTooManyBlocks;
     memset(s.counts.data, 0, static_cast<size_t>(rows * threads) * sizeof(int));
@@ -211,8 +211,7 @@ int build_structure(Structure& s, const Energies& energies, bool with_diagonal, 
         for (long e = 0; e < energies.count && bad[3L * t] < 0; ++e) {
             const int capacity = energies.capacity[e];
             if (!count_rows(layout, energies.kappa[e], capacity, piece(energies.instances[e], t, threads),
-                            slots.data + static_cast<long>(t) * largest_capacity, s.counts.data + t * rows,
-                            &bad[3L * t + 1]))
+                            slots.data + t * slot_stride, s.counts.data + t * rows, &bad[3L * t + 1]))
                 bad[3L * t] = e;
         }
     }
@@ -232,8 +231,8 @@ int build_structure(Structure& s, const Energies& energies, bool with_diagonal, 
     for (int t = 0; t < threads; ++t)
         for (long e = 0; e < energies.count; ++e)
             fill_buckets(layout, energies.kappa[e], energies.capacity[e], piece(energies.instances[e], t, threads),
-                         energies.first_source[e], slots.data + static_cast<long>(t) * largest_capacity,
-                         s.next_entry.data + t * rows, s.entries.data, energies.position[e]);
+                         energies.first_source[e], slots.data + t * slot_stride, s.next_entry.data + t * rows,
+                         s.entries.data, energies.position[e]);
 #pragma omp parallel for num_threads(threads) schedule(dynamic, 512)
     for (long row = 0; row < rows; ++row)
         find_columns(s, layout, row, with_diagonal, s.marker.data + omp_get_thread_num() * rows);

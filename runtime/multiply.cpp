@@ -22,6 +22,7 @@ d4 keep_columns(d4 v) {
 template <int R, int C>
 void flush(d4 (&sums)[R][(C + 3) / 4], double* y) {
     constexpr int kVectors = (C + 3) / 4;
+#pragma GCC unroll 12
     for (int i = 0; i < R; ++i) {
         d4 total = keep_columns<C>(sums[i][kVectors - 1]);
         for (int v = 0; v + 1 < kVectors; ++v) total += sums[i][v];
@@ -48,13 +49,16 @@ void multiply_shape(Range range, const int* rows, const int* cols, const double*
         // A diagonal block is its own transpose; its second contribution goes nowhere, without a branch.
         double* const yj = cols[b] == row ? ignored : y + cols[b];
         d4 transposed[kVectors] = {};
+#pragma GCC unroll 12
         for (int i = 0; i < R; ++i) {
+#pragma GCC unroll 3
             for (int v = 0; v < kVectors; ++v) {
                 const d4 entries = load_unaligned(block + i * C + 4 * v);
                 sums[i][v] += entries * load(xj + 4 * v);
                 transposed[v] += entries * xi[i];
             }
         }
+#pragma GCC unroll 3
         for (int v = 0; v + 1 < kVectors; ++v) store(yj + 4 * v, load(yj + 4 * v) + transposed[v]);
         double* const last = yj + 4 * (kVectors - 1);
         store(last, load(last) + keep_columns<C>(transposed[kVectors - 1]));

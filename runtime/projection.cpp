@@ -38,7 +38,7 @@ inline bool any(l8 mask) {
 }
 
 // Lanes whose matrix plus the shift has an LDL^T factorisation with a positive D. `work` holds the packed triangle.
-l8 is_semidefinite(const d8* a, int n, d8* work) {
+l8 is_semidefinite(const d8_unaligned* a, int n, d8* work) {
     const int packed = n * (n + 1) / 2;
     d8 trace = {};
     for (int i = 0, k = 0; i < n; k += n - i, ++i) trace += magnitude(a[k]);
@@ -117,13 +117,25 @@ void tridiagonalise(d8* a, int n, d8* d, d8* e, d8* z, d8* p) {
     for (int i = 0; i < n; ++i) d[i] = a[i * n + i];
 }
 
-// For every lane the first index m >= l whose off-diagonal is negligible.
-void find_splits(const d8* e, int n, int l, d8 negligible, long* split) {
-    for (int lane = 0; lane < kLanes; ++lane) split[lane] = n - 1;
-    for (int m = n - 2; m >= l; --m) {
-        const l8 splits = magnitude(e[m]) <= negligible;
-        for (int lane = 0; lane < kLanes; ++lane) split[lane] = splits[lane] ? m : split[lane];
+// For every lane the first index m >= l whose off-diagonal is negligible, and the diagonal entry there.
+struct Splits {
+    l8 at;
+    d8 diagonal;
+};
+Splits find_splits(const d8* d, const d8* e, int n, int l, d8 negligible) {
+    Splits splits = {l8{} + (n - 1L), d[n - 1]};
+    for (long m = n - 2; m >= l; --m) {
+        const l8 here = magnitude(e[m]) <= negligible;
+        splits.at = here ? l8{} + m : splits.at;
+        splits.diagonal = select(here, d[m], splits.diagonal);
     }
+    return splits;
+}
+
+long largest_of(l8 v) {
+    long largest = v[0];
+    for (int lane = 1; lane < kLanes; ++lane) largest = v[lane] > largest ? v[lane] : largest;
+    return largest;
 }
 
 // Diagonalises the tridiagonal matrix; d becomes the eigenvalues (in no order) and
@@ -134,16 +146,9 @@ l8 diagonalise(d8* d, d8* e, int n, d8* z) {
     const d8 negligible = norm * (DBL_EPSILON / 2);
     for (int l = 0; l + 1 < n; ++l) {
         for (int sweep = 0;; ++sweep) {
-            long split[kLanes];
-            find_splits(e, n, l, negligible, split);
-            l8 last;
-            d8 at_split;
-            long largest = l;
-            for (int lane = 0; lane < kLanes; ++lane) {
-                last[lane] = split[lane];
-                at_split[lane] = d[split[lane]][lane];
-                if (split[lane] > largest) largest = split[lane];
-            }
+            const Splits splits = find_splits(d, e, n, l, negligible);
+            const l8 last = splits.at;
+            const long largest = largest_of(last);
             const l8 busy = last > l;
             if (largest == l) break;
             if (sweep == kMaxSweeps) return busy;
@@ -152,7 +157,7 @@ l8 diagonalise(d8* d, d8* e, int n, d8* z) {
             const d8 safe = select(busy, e[l], splat(1));
             const d8 ratio = (d[l + 1] - d[l]) / (2.0 * safe);
             const d8 root = square_root(ratio * ratio + 1.0);
-            d8 g = at_split - d[l] + safe / (ratio + select(ratio < 0.0, -root, root));
+            d8 g = splits.diagonal - d[l] + safe / (ratio + select(ratio < 0.0, -root, root));
             d8 s = splat(1), c = splat(1), p = {};
             for (long i = largest - 1; i >= l; --i) {
                 const l8 active = busy & (last > i);
@@ -216,26 +221,25 @@ void find_scales(d8 largest, d8* down, d8* up) {
 }
 
 // Removes the negative eigenvalues of the lanes in `failed`. Adding -lambda v v^T for the negative eigenvalues alone
-// keeps what is already semidefinite untouched by rounding. Returns the number of changed lanes or -(1 + lane).
-long remove_negative(d8* packed, int n, Mode mode, l8 failed, d8 largest, const Scratch& s) {
+// keeps what is already semidefinite untouched by rounding. Returns the lanes that changed; `unfinished` receives those
+// whose eigenvalues were not found.
+l8 remove_negative(d8_unaligned* packed, int n, Mode mode, l8 failed, d8 largest, const Scratch& s, l8* unfinished) {
     d8 down, up;
     find_scales(largest, &down, &up);
-    down = select(failed, down, d8{});  // other lanes become zero and are done at once
-    const d8* from = packed;
+    const d8_unaligned* from = packed;
     d8 trace = {};
     for (int i = 0; i < n; ++i) {
-        for (int j = i; j < n; ++j) s.a[i * n + j] = *from++ * down;
+        // The other lanes become zero and are done at once.
+        for (int j = i; j < n; ++j) s.a[i * n + j] = select(failed, *from++ * down, d8{});
         trace += magnitude(s.a[i * n + i]);
     }
     tridiagonalise(s.a, n, s.d, s.e, s.z, s.p);
-    const l8 unfinished = diagonalise(s.d, s.e, n, s.z);
-    for (int lane = 0; lane < kLanes; ++lane)
-        if (unfinished[lane]) return -(1 + lane);
+    *unfinished = diagonalise(s.d, s.e, n, s.z);
 
     d8 smallest = {};
     for (int i = 0; i < n; ++i) smallest = select(s.d[i] < smallest, s.d[i], smallest);
     const l8 changes = failed & (smallest < -kShift * trace);
-    if (!any(changes)) return 0;
+    if (!any(changes)) return changes;
     for (int k = 0; k < n * (n + 1) / 2; ++k) s.work[k] = d8{};
     for (int i = 0; i < n; ++i) {
         const l8 negative = changes & (s.d[i] < 0.0);
@@ -250,33 +254,93 @@ long remove_negative(d8* packed, int n, Mode mode, l8 failed, d8 largest, const 
     }
     for (int k = 0; k < n * (n + 1) / 2; ++k)
         packed[k] = select(changes, (packed[k] * down + s.work[k]) * up, packed[k]);
-    long count = 0;
-    for (int lane = 0; lane < kLanes; ++lane) count += changes[lane] ? 1 : 0;
-    return count;
+    return changes;
 }
 
-long project(d8* packed, int n, l8 valid, Mode mode, d8* memory) {
-    const int entries = n * (n + 1) / 2;
-    d8 largest = {};
-    l8 finite = ~l8{};
-    for (int k = 0; k < entries; ++k) {
+struct Check {
+    l8 finite;
+    l8 failed;   // has, or may have, a negative eigenvalue
+    d8 largest;  // absolute value of the largest entry
+};
+Check check_pack(const d8_unaligned* packed, int n, Mode mode, d8* work) {
+    Check check = {~l8{}, l8{}, d8{}};
+    for (int k = 0; k < n * (n + 1) / 2; ++k) {
         const d8 size = magnitude(packed[k]);
-        finite &= size <= DBL_MAX;
-        largest = maximum(size, largest);
+        check.finite &= size <= DBL_MAX;
+        check.largest = maximum(size, check.largest);
     }
-    finite |= ~valid;
-    if (any(~finite)) {
-        for (int lane = 0; lane < kLanes; ++lane)
-            if (!finite[lane]) return -(1 + lane);
+    if (mode == kLeave) return check;
+    // Near the ends of the number range the factorisation overflows; there the eigenvalues decide, after scaling.
+    const l8 safe = (check.largest < 1e290) & ((check.largest > 1e-290) | (check.largest == 0.0));
+    check.failed = ~(is_semidefinite(packed, n, work) & safe);
+    return check;
+}
+
+l8 lanes_below(long count) {
+    l8 mask;
+    for (int lane = 0; lane < kLanes; ++lane) mask[lane] = lane < count ? -1 : 0;
+    return mask;
+}
+
+int first_lane(l8 mask) {
+    int lane = 0;
+    while (lane < kLanes && !mask[lane]) ++lane;
+    return lane;
+}
+
+// Matrices that failed the check, drawn together from several packs so that decomposing them keeps all lanes busy.
+struct Compacted {
+    double* pack;  // [entries, kLanes]
+    long source[kLanes];
+    d8 largest;
+    int count;
+};
+
+// Decomposes what has been collected and puts it back. Returns the number changed or -(1 + source).
+long flush(Compacted& c, double* packed, int n, Mode mode, const Scratch& scratch) {
+    const long entries = static_cast<long>(n) * (n + 1) / 2;
+    l8 unfinished;
+    const l8 changes = remove_negative(reinterpret_cast<d8_unaligned*>(c.pack), n, mode, lanes_below(c.count),
+                                       c.largest, scratch, &unfinished);
+    if (any(unfinished)) return -(1 + c.source[first_lane(unfinished)]);
+    long changed = 0;
+    for (int slot = 0; slot < c.count; ++slot) {
+        if (!changes[slot]) continue;
+        ++changed;
+        double* const to = packed + c.source[slot] / kLanes * entries * kLanes + c.source[slot] % kLanes;
+        for (long k = 0; k < entries; ++k) to[k * kLanes] = c.pack[k * kLanes + slot];
     }
-    if (mode == kLeave) return 0;
+    c.count = 0;
+    return changed;
+}
+
+long project(double* packed, int n, long lanes, Mode mode, d8* memory) {
+    const long entries = static_cast<long>(n) * (n + 1) / 2;
     const Scratch scratch = cut_scratch(memory, n);
-    l8 passed = is_semidefinite(packed, n, scratch.work);
-    // Near the ends of the number range the check itself overflows or underflows; eigenvalues are found after scaling.
-    passed &= (largest < 1e290) & ((largest > 1e-290) | (largest == 0.0));
-    const l8 failed = ~passed & valid;
-    if (!any(failed)) return 0;
-    return remove_negative(packed, n, mode, failed, largest, scratch);
+    Compacted collected = {reinterpret_cast<double*>(memory + scratch_size(n)), {}, d8{}, 0};
+    long changed = 0;
+    for (long first = 0; first < lanes; first += kLanes) {
+        double* const pack = packed + first * entries;
+        const l8 valid = lanes_below(lanes - first);
+        const Check check = check_pack(reinterpret_cast<d8_unaligned*>(pack), n, mode, scratch.work);
+        const l8 not_finite = ~check.finite & valid;
+        if (any(not_finite)) return -(1 + first + first_lane(not_finite));
+        const l8 failed = check.failed & valid;
+        if (!any(failed)) continue;
+        for (int lane = 0; lane < kLanes; ++lane) {
+            if (!failed[lane]) continue;
+            for (long k = 0; k < entries; ++k) collected.pack[k * kLanes + collected.count] = pack[k * kLanes + lane];
+            collected.largest[collected.count] = check.largest[lane];
+            collected.source[collected.count] = first + lane;
+            if (++collected.count < kLanes) continue;
+            const long result = flush(collected, packed, n, mode, scratch);
+            if (result < 0) return result;
+            changed += result;
+        }
+    }
+    if (collected.count == 0) return changed;
+    const long result = flush(collected, packed, n, mode, scratch);
+    return result < 0 ? result : changed + result;
 }
 
 }  // namespace
@@ -284,36 +348,24 @@ long project(d8* packed, int n, l8 valid, Mode mode, d8* memory) {
 
 extern "C" {
 
-// Projects the first `lanes` (at most 8) of eight interleaved symmetric matrices in place; packed[k * 8 + lane] is
-// entry k of the upper triangle, row by row. mode: 0 = negative eigenvalues become 0, 1 = their absolute value,
-// 2 = nothing is changed. A matrix that is semidefinite up to rounding keeps every bit.
-// Returns the number of lanes changed; -(1 + lane) for the first lane with an entry that is not finite (or whose
-// eigenvalues cannot be found); -1000 when memory for a wide matrix runs out.
+// Projects `lanes` symmetric matrices in place. Eight are interleaved in a pack: packed[k * 8 + lane] is entry k of the
+// upper triangle, row by row; packs follow each other, and the last may be partly filled. Give many packs at once where
+// possible: only matrices that need it are decomposed, and eight of those cost as much as one.
+// mode: 0 = negative eigenvalues become 0, 1 = their absolute value, 2 = nothing is changed. A matrix that is
+// semidefinite up to rounding keeps every bit.
+// Returns the number of matrices changed; -(1 + lane) for a matrix with an entry that is not finite (or whose
+// eigenvalues cannot be found), when others before it may have been projected; INT64_MIN when memory for a wide
+// matrix runs out.
 long yasps_project(double* packed, int width, int lanes, int mode) {
     using namespace yasps;
     if (width <= 0) return 0;
-    l8 valid;
-    for (int lane = 0; lane < kLanes; ++lane) valid[lane] = lane < lanes ? -1 : 0;
-    const long size = scratch_size(width);
-    const long entries = static_cast<long>(width) * (width + 1) / 2;
+    const long size = scratch_size(width) + static_cast<long>(width) * (width + 1) / 2;
     if (width <= kStackWidth) {
-        d8* const memory = static_cast<d8*>(
-            __builtin_alloca_with_align(static_cast<size_t>(size + entries) * sizeof(d8), 8 * sizeof(d8)));
-        if (reinterpret_cast<uintptr_t>(packed) % sizeof(d8) == 0)
-            return project(reinterpret_cast<d8*>(packed), width, valid, static_cast<Mode>(mode), memory);
-        d8* const copy = memory + size;
-        memcpy(copy, packed, static_cast<size_t>(entries) * sizeof(d8));
-        const long changed = project(copy, width, valid, static_cast<Mode>(mode), memory);
-        if (changed > 0) memcpy(packed, copy, static_cast<size_t>(entries) * sizeof(d8));
-        return changed;
+        void* const memory = __builtin_alloca_with_align(static_cast<size_t>(size) * sizeof(d8), 8 * sizeof(d8));
+        return project(packed, width, lanes, static_cast<Mode>(mode), static_cast<d8*>(memory));
     }
     Buffer<double> buffer;
-    if (!buffer.reserve((size + entries) * kLanes)) return -1000;
-    d8* const memory = reinterpret_cast<d8*>(buffer.data);
-    d8* const copy = memory + size;
-    memcpy(copy, packed, static_cast<size_t>(entries) * sizeof(d8));
-    const long changed = project(copy, width, valid, static_cast<Mode>(mode), memory);
-    if (changed > 0) memcpy(packed, copy, static_cast<size_t>(entries) * sizeof(d8));
-    return changed;
+    if (!buffer.reserve(size * kLanes)) return INT64_MIN;
+    return project(packed, width, lanes, static_cast<Mode>(mode), reinterpret_cast<d8*>(buffer.data));
 }
 }

@@ -23,6 +23,7 @@ namespace yasps {
 typedef double d4 __attribute__((vector_size(32), may_alias));
 typedef double d4_unaligned __attribute__((vector_size(32), aligned(8), may_alias));
 typedef double d8 __attribute__((vector_size(64), may_alias));
+typedef double d8_unaligned __attribute__((vector_size(64), aligned(8), may_alias));
 typedef long l4 __attribute__((vector_size(32)));
 typedef long l8 __attribute__((vector_size(64)));
 
@@ -49,8 +50,8 @@ struct Buffer {
 
     // Makes room for n items. What was there is lost when the buffer has to grow. False: out of memory.
     bool reserve(long n) {
-        if (n <= capacity) return true;
-        const long grown = n + n / 4;
+        if (data != nullptr && n <= capacity) return true;
+        const long grown = n + n / 4 + 1;  // never null, also for nothing
         void* fresh = nullptr;
         if (posix_memalign(&fresh, 64, static_cast<size_t>(grown) * sizeof(T) + 64) != 0) return false;
         free(data);

@@ -140,6 +140,8 @@ class DotOp(MatOp):
 
     def pullback(self, b: MatBuilder, cotangent: SSAValue) -> Sequence[SSAValue | None]:
         x, y = self.operands
+        if x is y:
+            return (b.scale(b.scale(b.number(2.0), cotangent), x), None)
         return (b.scale(cotangent, y), b.scale(cotangent, x))
 
     def lower(self, s: ScalarGraph, *inputs: Sequence[Node]) -> list[Node]:

@@ -103,6 +103,9 @@ class MatBuilder:
         return self.emit(elementwise.HadamardOp, [a, b])
 
     def scale(self, factor: SSAValue, matrix: SSAValue) -> SSAValue:
+        swapped = self._known.get((elementwise.ScaleOp, id(matrix), id(factor)))
+        if swapped is not None and shape_of(matrix) == (1, 1):
+            return swapped  # a product of numbers, made before in the other order
         return self.emit(elementwise.ScaleOp, [factor, matrix])
 
     def divide(self, matrix: SSAValue, divisor: SSAValue) -> SSAValue:

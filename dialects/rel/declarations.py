@@ -299,7 +299,7 @@ class JacobianOp(Declaration):
 
 def name_of(reference: SymbolRefAttr) -> str:
     """The symbol a reference names."""
-    return reference.string_value()
+    return reference.root_reference.data
 
 
 def storage_shape(op: StorageOp) -> Shape:

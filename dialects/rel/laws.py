@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from typing import cast
 
-from xdsl.dialects.builtin import IntegerType
+from xdsl.dialects.builtin import IntegerType, StringAttr
 from xdsl.ir import Block, Operation
 from xdsl.utils.exceptions import VerifyException
 
@@ -22,16 +22,19 @@ class Scope:
     """Symbols of one container, and the lineage of its entities."""
 
     def __init__(self, container: Operation) -> None:
-        self.container = container
         self.symbols: dict[str, Operation] = {}
-        block = container.regions[0].block
-        for op in block.ops:
+        parent = container.parent
+        if isinstance(container, decl.ObjectOp) and parent is not None:  # what it uses stands declared in the scene
+            for op in parent.ops:
+                if isinstance(op, decl.SceneOp):
+                    self._add(op)
+        self._add(container)
+
+    def _add(self, container: Operation) -> None:
+        for op in container.regions[0].block.ops:
             name = op.get_attr_or_prop("sym_name")
-            if name is not None:
-                self.symbols[cast(decl.StringAttr, name).data] = op
-        self.scene_names = {name_of(op.scene) for op in self.symbols.values() if isinstance(op, decl.MeshOp)} | {
-            cast(decl.StringAttr, container.properties["sym_name"]).data
-        }
+            if isinstance(name, StringAttr):
+                self.symbols[name.data] = op
 
     def find(self, name: str, kinds: tuple[type[Operation], ...], what: str, user: str) -> Operation:
         op = self.symbols.get(name)
@@ -48,7 +51,7 @@ class Scope:
             return [entity, *self.lineage(name_of(op.mesh))]
         if isinstance(op, decl.MeshOp):
             return [entity, name_of(op.scene)]
-        if op is None:  # the scene is the container itself, or was left outside an object
+        if op is None:  # the scene, which is the container itself
             return [entity]
         raise VerifyException(f"@{entity} is {op.name}, not a scene, mesh or primitive")
 

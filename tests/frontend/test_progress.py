@@ -28,9 +28,7 @@ def run(total, *, stream, seconds_per_frame=0.0, stop_after=None):
     with FrameProgress(total, stream=stream, clock=clock) as progress:
         for frame in range(1, (stop_after or total) + 1):
             clock.now += seconds_per_frame
-            progress.update(
-                frame=frame, newton_iterations=3, cg_iterations=120 + frame, contacts=7, milliseconds=12.4
-            )
+            progress.update(frame=frame, newton_iterations=3, cg_iterations=120 + frame, contacts=7, milliseconds=12.4)
 
 
 def test_a_file_gets_a_line_for_every_tenth():

@@ -29,9 +29,7 @@ def steps_of(path):
     reader.SetFileName(str(path))
     reader.UpdateInformation()
     information = reader.GetOutputInformation(0)
-    times = [
-        information.Get(Pipeline.TIME_STEPS(), i) for i in range(information.Length(Pipeline.TIME_STEPS()))
-    ]
+    times = [information.Get(Pipeline.TIME_STEPS(), i) for i in range(information.Length(Pipeline.TIME_STEPS()))]
     if not times:  # VTK gives a file with one step no times
         with h5py.File(path) as file:
             assert file["VTKHDF/Steps"].attrs["NSteps"] == 1

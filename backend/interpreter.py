@@ -1,0 +1,299 @@
+"""The meaning of the IR in NumPy, at every level, for all instances at once: the reference that everything is tested by.
+
+Derivatives of the whole scene are put together here by another way than the compiler's: the derivative of every
+attribute with respect to all unknowns is one sparse matrix, and Hessians are contracted with it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, cast
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import sparse
+from xdsl.dialects import arith, func, math
+from xdsl.dialects.builtin import FloatAttr, IntegerAttr, ModuleOp
+from xdsl.ir import Block, Operation, SSAValue
+
+from yasps.backend.scene_view import SceneView
+from yasps.dialects.mat import MatOp, shape_of
+from yasps.dialects.mat.base import Batch
+from yasps.dialects.rel import (
+    ApplyOp,
+    AttributeOp,
+    Container,
+    DataOp,
+    DerivativeOp,
+    JacobianOp,
+    JoinOp,
+    ProjectOp,
+    ReadOp,
+    RefOp,
+    TargetIndexOp,
+    UnionOp,
+    YieldDerivativeOp,
+    YieldJacobianOp,
+    YieldOp,
+    name_of,
+)
+
+SCALAR_OPERATIONS: dict[type[Operation], Callable[..., Any]] = {
+    arith.AddfOp: np.add,
+    arith.SubfOp: np.subtract,
+    arith.MulfOp: np.multiply,
+    arith.DivfOp: np.divide,
+    arith.NegfOp: np.negative,
+    math.SqrtOp: np.sqrt,
+    math.ExpOp: np.exp,
+    math.LogOp: np.log,
+    math.SinOp: np.sin,
+    math.CosOp: np.cos,
+    math.TanOp: np.tan,
+    math.AsinOp: np.arcsin,
+    math.AcosOp: np.arccos,
+    math.AtanOp: np.arctan,
+    math.PowFOp: np.power,
+}
+
+
+@dataclass(frozen=True)
+class SceneData:
+    """The numbers of a scene, by the names of the IR.
+
+    storages: [instances, rows, columns]; connectivities: [instances, arity]; sizes: instances of each primitive and
+    primitive union (meshes and the scene have one).
+    """
+
+    storages: Mapping[str, Batch]
+    connectivities: Mapping[str, NDArray[np.int32]]
+    sizes: Mapping[str, int]
+
+
+class Interpreter:
+    """Evaluates one module on one set of numbers. Results are cached: make a new one for new numbers."""
+
+    def __init__(self, module: ModuleOp, data: SceneData) -> None:
+        self.scene = SceneView(module)
+        self.data = data
+        self.functions = {
+            op.sym_name.data: op
+            for container in module.body.block.ops
+            if isinstance(container, Container)
+            for op in container.body.block.ops
+            if isinstance(op, func.FuncOp)
+        }
+        self.starts: dict[str, int] = {}
+        unknowns = 0
+        for target in self.scene.targets:
+            self.starts[target] = unknowns
+            unknowns += len(data.storages[target]) * self.scene.size(target)
+        self.unknowns = unknowns
+        self._values: dict[str, Batch] = {}
+
+    # -- values --------------------------------------------------------------------------------------------
+
+    def value(self, name: str) -> Batch:
+        """A storage or attribute on all instances, [instances, rows, columns]."""
+        if name in self.data.storages:
+            return self.data.storages[name]
+        if name not in self._values:
+            attribute = self.scene.attributes[name]
+            values = self.run(attribute, {})
+            terminator = attribute.body.block.last_op
+            assert isinstance(terminator, YieldOp)
+            result = values[terminator.value]
+            self._values[name] = np.broadcast_to(result, (self.count(attribute), *result.shape[1:]))
+        return self._values[name]
+
+    def total_energy(self) -> Any:
+        """Sum of all energies over all instances."""
+        return sum(self.value(name_of(energy.attribute)).sum() for energy in self.scene.energies)
+
+    def count(self, op: AttributeOp | DerivativeOp | JacobianOp) -> int:
+        """Instances of the owner."""
+        return self.data.sizes.get(name_of(op.owner), 1)
+
+    def run(self, op: AttributeOp | DerivativeOp | JacobianOp, values: dict[SSAValue, Batch]) -> dict[SSAValue, Batch]:
+        """Values of everything in a body; arrays of one instance stand for all."""
+        with np.errstate(all="ignore"):
+            for inner in op.body.block.ops:
+                if isinstance(inner, ReadOp):
+                    values[inner.result] = self.read(inner, name_of(op.owner), self.count(op))
+                elif isinstance(inner, MatOp):
+                    values[inner.result] = inner.evaluate(*[values[v] for v in inner.operands])
+                elif isinstance(inner, ApplyOp):
+                    self.apply(inner, values)
+                elif isinstance(inner, ProjectOp):
+                    values[inner.result] = _project_packed(values[inner.packed], inner)
+        return values
+
+    def read(self, op: ReadOp, owner: str, count: int) -> Batch:
+        """A boundary read on all instances of the owner."""
+        if isinstance(op, DataOp):
+            return self.value(name_of(op.storage))
+        if isinstance(op, RefOp):
+            return self.value(name_of(op.attribute))
+        if isinstance(op, JoinOp):
+            source = self.value(name_of(op.source))
+            indices = self.data.connectivities[name_of(op.connectivity)]
+            return source[indices].reshape(len(indices), *shape_of(op.result))
+        if isinstance(op, UnionOp):
+            rows, cols = shape_of(op.result)
+            parts = [self.value(name_of(member)) for member in op.members]
+            padded = [np.pad(part, ((0, 0), (0, 0), (0, cols - part.shape[2]))) for part in parts]
+            return np.concatenate(padded).reshape(-1, rows, cols)
+        assert isinstance(op, TargetIndexOp)
+        target = name_of(op.target)
+        storage = self.scene.storages[target]
+        instances = np.arange(count if name_of(storage.owner) == owner else 1)
+        return cast(Batch, (self.starts[target] + self.scene.size(target) * instances + 1)[:, None, None])
+
+    def apply(self, op: ApplyOp, values: dict[SSAValue, Batch]) -> None:
+        """Calls a scalar function on all instances."""
+        function = self.functions[name_of(op.function)]
+        flat = [entry for v in op.inputs for entry in values[v].reshape(len(values[v]), -1).T]
+        results = run_function(function, flat)
+        start = 0
+        for value in op.values:
+            rows, cols = shape_of(value)
+            entries = np.broadcast_arrays(*results[start : start + rows * cols])
+            values[value] = np.stack(entries, axis=-1).reshape(-1, rows, cols)
+            start += rows * cols
+
+    # -- derivatives ---------------------------------------------------------------------------------------
+
+    def local_derivative(self, derivative: DerivativeOp) -> tuple[Batch, Batch | None]:
+        """Gradients [instances, n] and Hessians [instances, n, n] with respect to the boundary inputs."""
+        values = self.run(derivative, {})
+        terminator = derivative.body.block.last_op
+        assert isinstance(terminator, YieldDerivativeOp)
+        count = self.count(derivative)
+        gradient = values[terminator.gradient]
+        n = gradient.shape[1]
+        gradient = np.broadcast_to(gradient, (count, n, 1))[:, :, 0]
+        if terminator.hessian is None:
+            return gradient, None
+        hessian = values[terminator.hessian]
+        if hessian.shape[2] == 1 and n > 1:
+            hessian = _unpack(hessian[:, :, 0], n)
+        upper = np.triu(hessian)
+        return gradient, np.broadcast_to(upper + np.triu(upper, 1).swapaxes(1, 2), (count, n, n))
+
+    def assemble(self) -> tuple[NDArray[Any], sparse.csr_array]:
+        """Gradient [unknowns] and Hessian of all energies with respect to all targets, without the index functions."""
+        gradient: NDArray[Any] = np.zeros(self.unknowns)
+        hessian = sparse.csr_array((self.unknowns, self.unknowns))
+        for derivative in self.scene.derivatives:
+            local_gradient, local_hessian = self.local_derivative(derivative)
+            inputs = self.stacked_inputs(derivative, len(local_gradient))
+            gradient = gradient + inputs.T @ local_gradient.ravel()
+            if local_hessian is not None:
+                hessian = hessian + inputs.T @ _block_diagonal(local_hessian) @ inputs
+        return gradient, sparse.csr_array(hessian)
+
+    def stacked_inputs(self, op: DerivativeOp | JacobianOp, count: int) -> sparse.csr_array:
+        """Derivative of all boundary inputs of all instances with respect to all unknowns."""
+        parts = [self.read_derivative(read, name_of(op.owner), count) for read in self.scene.wrt(op)]
+        widths = [part.shape[0] // max(count, 1) for part in parts]
+        stacked = sparse.vstack(parts, format="csr")
+        # from [input, instance, entry] to [instance, input, entry]
+        offsets = np.cumsum([0, *[width * count for width in widths]])
+        order = [
+            offset + instance * width + np.arange(width)
+            for instance in range(count)
+            for offset, width in zip(offsets, widths, strict=False)
+        ]
+        return sparse.csr_array(stacked[np.concatenate(order)] if order else stacked)
+
+    def read_derivative(self, read: ReadOp, owner: str, count: int) -> sparse.csr_array:
+        """Derivative of a boundary read on all instances, [instances * entries, unknowns]."""
+        if isinstance(read, JoinOp):
+            source = name_of(read.source)
+            indices = self.data.connectivities[name_of(read.connectivity)]
+            return _take(self.source_derivative(source), indices.ravel(), self.scene.size(source))
+        if isinstance(read, RefOp):
+            return self.source_derivative(name_of(read.attribute))
+        assert isinstance(read, DataOp)
+        name = name_of(read.storage)
+        whole = self.source_derivative(name)
+        own = name_of(self.scene.storages[name].owner) == owner
+        return whole if own else _take(whole, np.zeros(count, np.int64), self.scene.size(name))
+
+    def source_derivative(self, name: str) -> sparse.csr_array:
+        """Derivative of a storage or attribute on all its instances with respect to all unknowns."""
+        size = self.scene.size(name)
+        if name in self.starts:
+            rows = len(self.data.storages[name]) * size
+            columns = self.starts[name] + np.arange(rows)
+            return sparse.csr_array((np.ones(rows), (np.arange(rows), columns)), shape=(rows, self.unknowns))
+        if self.scene.is_union(name):
+            parts = [self.source_derivative(member) for member in self.scene.union_members(name)]
+            return sparse.csr_array(sparse.vstack(parts, format="csr"))
+        if name in self.scene.jacobians:
+            op = self.scene.jacobians[name]
+            return sparse.csr_array(_block_diagonal(self.jacobian(op)) @ self.stacked_inputs(op, self.count(op)))
+        return sparse.csr_array((len(self.value(name)) * size, self.unknowns))
+
+    def jacobian(self, op: JacobianOp) -> Batch:
+        """Jacobians [instances, p, q]; from J^T v for unit vectors v after `lower-to-scalar`."""
+        terminator = op.body.block.last_op
+        assert isinstance(terminator, YieldJacobianOp)
+        count = self.count(op)
+        arguments: Sequence[SSAValue] = op.body.block.args
+        if not arguments:
+            result = self.run(op, {})[terminator.jacobian]
+            return np.broadcast_to(result, (count, *result.shape[1:]))
+        p, _ = shape_of(arguments[0])
+        rows = [
+            self.run(op, {arguments[0]: np.eye(p)[None, :, k : k + 1]})[terminator.jacobian][:, :, 0] for k in range(p)
+        ]
+        return np.stack([np.broadcast_to(row, (count, row.shape[1])) for row in rows], axis=1)
+
+
+def run_function(function: func.FuncOp, inputs: Sequence[NDArray[Any]]) -> list[NDArray[Any]]:
+    """Evaluates a scalar function on arrays."""
+    block: Block = function.body.block
+    values: dict[SSAValue, Any] = dict(zip(block.args, inputs, strict=True))
+    for op in block.ops:
+        if isinstance(op, func.ReturnOp):
+            return [np.atleast_1d(values[v]) for v in op.arguments]
+        if isinstance(op, arith.ConstantOp):
+            attribute = op.value
+            assert isinstance(attribute, FloatAttr | IntegerAttr)
+            values[op.result] = attribute.value.data
+        else:
+            values[op.results[0]] = SCALAR_OPERATIONS[type(op)](*[values[v] for v in op.operands])
+    raise ValueError(f"@{function.sym_name.data} does not return")
+
+
+def _unpack(packed: Batch, width: int) -> Batch:
+    full = np.zeros((len(packed), width, width), packed.dtype)
+    full[:, *np.triu_indices(width)] = packed
+    return full
+
+
+def _project_packed(packed: Batch, op: ProjectOp) -> Batch:
+    width = op.width.value.data
+    full = _unpack(packed[:, :, 0], width)
+    values, vectors = np.linalg.eigh(full + np.triu(full, 1).swapaxes(1, 2))
+    values = np.abs(values) if op.mode.data == "abs" else np.maximum(values, 0.0)
+    projected = (vectors * values[:, None, :]) @ vectors.swapaxes(1, 2)
+    return cast(Batch, projected[:, *np.triu_indices(width)][:, :, None])
+
+
+def _block_diagonal(blocks: Batch) -> sparse.csr_array:
+    """[n, p, q] blocks along the diagonal of an (n p) x (n q) matrix."""
+    count, rows, cols = blocks.shape
+    pointers = np.arange(count + 1)
+    matrix = sparse.bsr_array(
+        (np.ascontiguousarray(blocks), np.arange(count), pointers), shape=(count * rows, count * cols)
+    )
+    return sparse.csr_array(matrix.tocsr())
+
+
+def _take(matrix: sparse.csr_array, instances: NDArray[Any], size: int) -> sparse.csr_array:
+    """Rows of these instances, `size` rows each."""
+    rows = (instances[:, None].astype(np.int64) * size + np.arange(size)).ravel()
+    return sparse.csr_array(matrix[rows])

@@ -1,0 +1,95 @@
+"""A compiled scene: objects emitted, compiled in parallel, linked, loaded and bound to the scene's numbers."""
+
+from __future__ import annotations
+
+import ctypes
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+from xdsl.dialects.builtin import ModuleOp
+
+from yasps.backend.cpp_object import Binding, ObjectCode, ObjectEmitter
+from yasps.backend.scene_view import SceneView
+from yasps.runtime.toolchain import Compiler, Source, compile_sources, link
+
+LINK_FLAGS = ("-Wl,-Bsymbolic",)
+
+
+@dataclass(frozen=True)
+class CompiledModule:
+    """One line of the compile log."""
+
+    name: str
+    seconds: float
+    cached: bool
+    lines: int
+
+
+class Program:
+    """The machine code of one scene and the pointers it runs on.
+
+    Several programs may share one loaded library: the library holds no state.
+    """
+
+    def __init__(self, module: ModuleOp, compiler: Compiler, dump_to: Path | None = None) -> None:
+        start = time.perf_counter()
+        self.scene = SceneView(module)
+        emitter = ObjectEmitter(self.scene, compiler.has_vector_math)
+        emitter.emit_all()
+        self.codes: dict[str, ObjectCode] = {n: c for n, c in emitter.codes.items() if c.entries}
+        if dump_to is not None:
+            dump_sources(list(self.codes.values()), dump_to)
+        unique = {code.symbol: code for code in self.codes.values()}
+        self.emit_seconds = time.perf_counter() - start
+        objects = compile_sources([Source(code.symbol, code.text) for code in unique.values()], compiler)
+        names = {code.symbol: name for name, code in reversed(self.codes.items())}
+        self.log = [
+            CompiledModule(names[item.name], item.seconds, item.cached, unique[item.name].text.count("\n"))
+            for item in objects
+        ]
+        math_libraries = ("-lmvec", "-lm") if compiler.has_vector_math else ("-lm",)
+        linked = link(objects, compiler, (*LINK_FLAGS, *math_libraries))
+        self.log.append(CompiledModule("link", linked.seconds, linked.cached, 0))
+        self.compile_seconds = time.perf_counter() - start
+        self._library = ctypes.CDLL(str(linked.path))
+        self._arguments = {name: (ctypes.c_void_p * max(1, len(c.bindings)))() for name, c in self.codes.items()}
+
+    def bind(self, address_of: Callable[[Binding], int]) -> None:
+        """Points all objects to the scene's arrays; again whenever an array has moved."""
+        for name, code in self.codes.items():
+            array = self._arguments[name]
+            for k, binding in enumerate(code.bindings):
+                if binding.kind == "arguments":
+                    array[k] = ctypes.addressof(self._arguments[binding.name])
+                else:
+                    array[k] = address_of(binding)
+
+    def function(self, name: str, entry: str) -> int:
+        """Address of an entry point of the object that defines `name`."""
+        symbol = getattr(self._library, f"{self.codes[name].symbol}_{entry}")
+        address = ctypes.cast(symbol, ctypes.c_void_p).value
+        assert address is not None
+        return address
+
+    def arguments(self, name: str) -> int:
+        """Address of the object's pointer array."""
+        return ctypes.addressof(self._arguments[name])
+
+    def indices(self, name: str, count: int) -> NDArray[np.int32]:
+        """An integer attribute (placement indices) on `count` instances, [count, entries]."""
+        out = np.zeros((count, self.scene.size(name)), np.int32)
+        function = ctypes.CFUNCTYPE(None, ctypes.c_void_p, ctypes.c_long, ctypes.c_long, ctypes.c_void_p)
+        function(self.function(name, "batch"))(self.arguments(name), 0, count, out.ctypes.data)
+        return out
+
+
+def dump_sources(codes: list[ObjectCode], folder: Path) -> None:
+    """Writes the generated files, named after what they compute."""
+    target = folder / "generated"
+    target.mkdir(parents=True, exist_ok=True)
+    for code in codes:
+        (target / f"{code.name}.cpp").write_text(code.text, encoding="utf-8")

@@ -1,0 +1,178 @@
+"""What the emitter asks about a compiled scene: declarations and objects by name, sizes of expanded derivatives."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import cast
+
+from xdsl.dialects.builtin import ModuleOp
+
+from yasps.dialects.mat import Matrix, Shape
+from yasps.dialects.rel import (
+    AttributeOp,
+    ConnectivityOp,
+    Container,
+    DataOp,
+    DerivativeOp,
+    EnergyOp,
+    JacobianOp,
+    JoinOp,
+    ObjectOp,
+    PrimitiveUnionOp,
+    ReadOp,
+    RefOp,
+    StorageOp,
+    TargetOp,
+    UnionOp,
+    YieldDerivativeOp,
+    YieldJacobianOp,
+    name_of,
+)
+
+
+@dataclass(frozen=True)
+class Slot:
+    """One independent input of an energy or Jacobian: `source` at one instance."""
+
+    source: str
+    connectivity: str | None
+    """None: at the instance itself."""
+    arity: int
+    position: int
+    """Which of the `arity` connected instances."""
+    size: int
+    """Entries of the source on one instance."""
+    rows: int
+    """Most scalars of the global gradient behind it."""
+    capacity: int
+    """Most blocks of the global gradient behind it."""
+    is_target: bool
+
+
+class SceneView:
+    """Read access to a module after `outline-modules`."""
+
+    def __init__(self, module: ModuleOp) -> None:
+        self.storages: dict[str, StorageOp] = {}
+        self.attributes: dict[str, AttributeOp] = {}
+        self.connectivities: dict[str, ConnectivityOp] = {}
+        self.unions: dict[str, PrimitiveUnionOp] = {}
+        self.jacobians: dict[str, JacobianOp] = {}
+        self.derivatives: list[DerivativeOp] = []
+        self.energies: list[EnergyOp] = []
+        self.targets: list[str] = []
+        self.objects: dict[str, ObjectOp] = {}
+        """Objects by the symbol of the definition they hold."""
+        for container in module.body.block.ops:
+            if isinstance(container, Container):
+                self._add(container)
+
+    def _add(self, container: Container) -> None:
+        for op in container.body.block.ops:
+            if isinstance(op, StorageOp):
+                self.storages[op.symbol] = op
+            elif isinstance(op, ConnectivityOp):
+                self.connectivities[op.symbol] = op
+            elif isinstance(op, PrimitiveUnionOp):
+                self.unions[op.symbol] = op
+            elif isinstance(op, EnergyOp):
+                self.energies.append(op)
+            elif isinstance(op, TargetOp):
+                self.targets.append(name_of(op.variable))
+            elif isinstance(op, AttributeOp):
+                if op.symbol not in self.attributes or op.body.blocks:  # a definition beats its declaration
+                    self.attributes[op.symbol] = op
+            elif isinstance(op, JacobianOp):
+                self.jacobians[name_of(op.attribute)] = op
+            elif isinstance(op, DerivativeOp):
+                self.derivatives.append(op)
+            else:
+                continue
+            if isinstance(container, ObjectOp) and isinstance(op, AttributeOp | JacobianOp | DerivativeOp):
+                self.objects[op.symbol] = container
+
+    def type_of(self, name: str) -> Matrix:
+        """Type of a storage or attribute, on one instance."""
+        if name in self.storages:
+            return cast(Matrix, self.storages[name].type)
+        return self.attributes[name].matrix_type
+
+    def shape(self, name: str) -> Shape:
+        rows, cols = self.type_of(name).get_shape()
+        return rows, cols
+
+    def size(self, name: str) -> int:
+        """Entries of a storage or attribute, on one instance."""
+        rows, cols = self.shape(name)
+        return rows * cols
+
+    def is_union(self, name: str) -> bool:
+        attribute = self.attributes.get(name)
+        return (
+            attribute is not None and bool(attribute.body.blocks) and isinstance(attribute.body.block.first_op, UnionOp)
+        )
+
+    def union_members(self, name: str) -> list[str]:
+        """Names of the attributes or storages a UNION attribute unites."""
+        union = self.attributes[name].body.block.first_op
+        assert isinstance(union, UnionOp)
+        return [name_of(member) for member in union.members]
+
+    def reaches_target(self, name: str) -> bool:
+        """Does this source have derivatives?"""
+        if name in self.targets or name in self.jacobians:
+            return True
+        return self.is_union(name) and any(self.reaches_target(member) for member in self.union_members(name))
+
+    def expanded_rows(self, name: str) -> int:
+        """Most scalars of the global gradient that one instance of this source depends on."""
+        if name in self.targets:
+            return self.size(name)
+        if name in self.jacobians:
+            terminator = self.jacobians[name].body.block.last_op
+            assert isinstance(terminator, YieldJacobianOp)
+            return sum(slot.rows for value in terminator.wrt for slot in self.slots(cast(ReadOp, value.owner)))
+        if self.is_union(name):
+            return max(self.expanded_rows(member) for member in self.union_members(name))
+        return 0
+
+    def capacity(self, name: str) -> int:
+        """|kappa|: most blocks of the global gradient that one instance of this source depends on (appendix A.2)."""
+        if name in self.targets:
+            return 1
+        if name in self.jacobians:
+            terminator = self.jacobians[name].body.block.last_op
+            assert isinstance(terminator, YieldJacobianOp)
+            return sum(slot.capacity for value in terminator.wrt for slot in self.slots(cast(ReadOp, value.owner)))
+        if self.is_union(name):
+            return max(1, *(self.capacity(member) for member in self.union_members(name)))
+        return 1
+
+    def slots(self, read: ReadOp) -> list[Slot]:
+        """The independent inputs a boundary read consists of: one for each connected instance of a JOIN."""
+        if isinstance(read, JoinOp):
+            source, connectivity = name_of(read.source), name_of(read.connectivity)
+            arity = self.connectivities[connectivity].arity.value.data
+            return [self._slot(source, connectivity, arity, position) for position in range(arity)]
+        if isinstance(read, RefOp):
+            return [self._slot(name_of(read.attribute), None, 1, 0)]
+        assert isinstance(read, DataOp)
+        return [self._slot(name_of(read.storage), None, 1, 0)]
+
+    def _slot(self, source: str, connectivity: str | None, arity: int, position: int) -> Slot:
+        return Slot(
+            source,
+            connectivity,
+            arity,
+            position,
+            self.size(source),
+            self.expanded_rows(source),
+            self.capacity(source),
+            source in self.targets,
+        )
+
+    def wrt(self, op: DerivativeOp | JacobianOp) -> list[ReadOp]:
+        """The boundary reads a derivative is taken with respect to."""
+        terminator = op.body.block.last_op
+        assert isinstance(terminator, YieldDerivativeOp | YieldJacobianOp)
+        return [cast(ReadOp, value.owner) for value in terminator.wrt]

@@ -1,0 +1,468 @@
+"""Symbolic attributes: what users compute with (paper, 4.2 to 4.6). No number is touched until `compute()`."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from xdsl.dialects.builtin import DenseArrayBase, FloatAttr, f64, i64
+from xdsl.ir import Attribute as IrAttribute
+
+from yasps.dialects.mat import MatOp, Shape, ShapeError, algebra, calculus, elementwise, matrix_type, spell, structure
+from yasps.dialects.mat.base import dense
+from yasps.frontend.errors import DataError, LineageError, SceneError, ShapeMismatchError
+from yasps.frontend.spelling import both_spellings
+
+if TYPE_CHECKING:
+    from yasps.frontend.connectivity import Connectivity
+    from yasps.frontend.entity import Entity
+
+FloatArray = NDArray[np.float64]
+_PACKAGE = str(Path(__file__).resolve().parent.parent)
+
+
+@dataclass(frozen=True)
+class Location:
+    """A line of the user's Python."""
+
+    file: str
+    line: int
+
+    def __str__(self) -> str:
+        return f"{self.file}:{self.line}"
+
+
+def user_location() -> Location:
+    """The innermost line outside yasps on the call stack."""
+    frame = sys._getframe(1)  # noqa: SLF001 - inspect.stack() reads source files: 1000 times slower
+    while frame.f_back is not None and str(Path(frame.f_code.co_filename).resolve()).startswith(_PACKAGE):
+        frame = frame.f_back
+    return Location(frame.f_code.co_filename, frame.f_lineno)
+
+
+class Stored:
+    """An attribute whose numbers the user supplies: `array` is [instances, rows, columns]."""
+
+    def __init__(self, array: FloatArray, constant: bool) -> None:
+        self.array = array
+        self.constant = constant
+
+
+@dataclass(frozen=True)
+class Joined:
+    """JOIN of `source` through `connectivity`."""
+
+    connectivity: Connectivity
+    source: Attribute
+
+
+@dataclass(frozen=True)
+class United:
+    """UNION of the members' attributes, in the order of the primitive union."""
+
+    members: tuple[Attribute, ...]
+
+
+@dataclass(frozen=True)
+class Named:
+    """A name given to an expression."""
+
+    expression: Attribute
+
+
+@dataclass(frozen=True)
+class Computed:
+    """An operation of the `mat` dialect on other attributes."""
+
+    op_class: type[MatOp]
+    operands: tuple[Attribute, ...]
+    properties: tuple[tuple[str, IrAttribute], ...]
+
+
+@dataclass(frozen=True)
+class ComputedValue:
+    """Numbers of an attribute. `value`: flat, as the paper has it; `array`: [instances, rows, columns]."""
+
+    array: FloatArray
+
+    @property
+    def value(self) -> FloatArray:
+        """All entries, instance by instance, row-major."""
+        return self.array.reshape(-1)
+
+
+@both_spellings
+class Attribute:
+    """A rows x cols matrix on every instance of its owner.
+
+    Arithmetic gives new attributes: `+`, `-`, `*` (matrix product, or a 1x1 value times a matrix), `/` by a 1x1 value,
+    `**` with a number. All operands must share one lineage (paper, 4.3): attributes of a primitive, of its mesh and of
+    the scene meet freely; those of different primitives meet through JOIN (`through=`, `source=`) or UNION.
+    """
+
+    __array_ufunc__ = None  # NumPy leaves `array * attribute` to us
+
+    def __init__(
+        self,
+        owner: Entity | None,
+        shape: Shape,
+        node: Stored | Joined | United | Named | Computed,
+        name: str | None = None,
+    ) -> None:
+        self._owner = owner
+        self._shape = shape
+        self._node = node
+        self._name = name
+        self._where = user_location()
+
+    # -- what it is ----------------------------------------------------------------------------------------
+
+    @property
+    def owner(self) -> Entity | None:
+        """The primitive, mesh or scene it lives on; None for a number that lives nowhere."""
+        return self._owner
+
+    @property
+    def shape(self) -> Shape:
+        """Rows and columns on one instance."""
+        return self._shape
+
+    @property
+    def name(self) -> str | None:
+        """Its name on the owner, if it has one."""
+        return self._name
+
+    @property
+    def node(self) -> Stored | Joined | United | Named | Computed:
+        """How it comes about."""
+        return self._node
+
+    @property
+    def where(self) -> Location:
+        """The line of the user's Python that made it."""
+        return self._where
+
+    @property
+    def path(self) -> str:
+        """A name for messages."""
+        label = self._name or "an expression"
+        if self._owner is None:
+            return "a number"
+        return f"{self._owner.path}.{label}" if self._owner.path else label
+
+    def __repr__(self) -> str:
+        kind = type(self._node).__name__.lower()
+        return f"<{kind} attribute {self.path} {spell(self._shape)}>"
+
+    def __bool__(self) -> bool:
+        raise SceneError(f"{self.path} is symbolic and has no truth value; branch on numbers (compute().value) instead")
+
+    # -- numbers -------------------------------------------------------------------------------------------
+
+    def update_value(self, values: ArrayLike) -> None:
+        """Sets the numbers of a stored attribute: instances x rows x columns of them, in any shape, row-major.
+
+        On a dynamic primitive the number of instances follows from the data.
+
+        Raises DataError for a wrong count, for what are no real numbers, for NaN and infinity; nothing is changed then.
+        Raises SceneError for a computed attribute.
+        """
+        if not isinstance(self._node, Stored) or self._owner is None:
+            raise SceneError(f"{self.path} is computed; only stored attributes (add_attribute with rows and cols) are set")
+        array = checked_numbers(values, self.path)
+        size = self._shape[0] * self._shape[1]
+        count = self._owner.num_instances
+        if self._owner.is_dynamic and array.size % size == 0:
+            count = array.size // size
+        if array.size != count * size:
+            raise DataError(
+                f"{self.path} needs {count} x {spell(self._shape)} = {count * size} numbers, got {array.size}"
+                + (f" in shape {array.shape}" if array.ndim != 1 else "")
+            )
+        shaped = array.reshape(count, *self._shape)
+        if self._node.array.shape == shaped.shape:
+            self._node.array[...] = shaped
+        else:
+            self._node.array = shaped.copy()
+            self._owner.scene.arrays_moved()
+        self._owner.scene.values_changed()
+
+    def compute(self) -> ComputedValue:
+        """Evaluates the attribute on all instances (compiled on first use)."""
+        if isinstance(self._node, Stored):
+            return ComputedValue(self._node.array.copy())
+        if self._owner is None:
+            raise SceneError("a number alone has no instances to be computed on; combine it with an attribute")
+        return ComputedValue(self._owner.scene.evaluate(self))
+
+    @property
+    def value(self) -> FloatArray:
+        """A copy of the current numbers, flat; short for `compute().value`."""
+        return self.compute().value
+
+    # -- arithmetic ----------------------------------------------------------------------------------------
+
+    def __add__(self, other: Any) -> Attribute:
+        return combine(elementwise.AddOp, [self, as_attribute(other)])
+
+    def __radd__(self, other: Any) -> Attribute:
+        return combine(elementwise.AddOp, [as_attribute(other), self])
+
+    def __sub__(self, other: Any) -> Attribute:
+        return combine(elementwise.SubOp, [self, as_attribute(other)])
+
+    def __rsub__(self, other: Any) -> Attribute:
+        return combine(elementwise.SubOp, [as_attribute(other), self])
+
+    def __neg__(self) -> Attribute:
+        return combine(elementwise.NegOp, [self])
+
+    def __mul__(self, other: Any) -> Attribute:
+        return _product(self, as_attribute(other))
+
+    def __rmul__(self, other: Any) -> Attribute:
+        return _product(as_attribute(other), self)
+
+    def __matmul__(self, other: Any) -> Attribute:
+        return combine(algebra.MatmulOp, [self, as_attribute(other)])
+
+    def __rmatmul__(self, other: Any) -> Attribute:
+        return combine(algebra.MatmulOp, [as_attribute(other), self])
+
+    def __truediv__(self, other: Any) -> Attribute:
+        return combine(elementwise.DivideOp, [self, as_attribute(other)])
+
+    def __rtruediv__(self, other: Any) -> Attribute:
+        return combine(elementwise.DivideOp, [as_attribute(other), self])
+
+    def __pow__(self, exponent: float) -> Attribute:
+        if not isinstance(exponent, int | float | np.integer | np.floating):
+            raise ShapeMismatchError(f"the exponent of ** is a number, got {exponent!r}; use (b * a.log()).exp() for a ** b")
+        return combine(elementwise.PowOp, [self], {"exponent": FloatAttr(float(exponent), f64)})
+
+    def hadamard(self, other: Any) -> Attribute:
+        """Entry-wise product."""
+        return combine(elementwise.HadamardOp, [self, as_attribute(other)])
+
+    def sqrt(self) -> Attribute:
+        """Square root of every entry."""
+        return combine(elementwise.SqrtOp, [self])
+
+    def exp(self) -> Attribute:
+        """Exponential of every entry."""
+        return combine(elementwise.ExpOp, [self])
+
+    def log(self) -> Attribute:
+        """Natural logarithm of every entry."""
+        return combine(elementwise.LogOp, [self])
+
+    def sin(self) -> Attribute:
+        """Sine of every entry."""
+        return combine(elementwise.SinOp, [self])
+
+    def cos(self) -> Attribute:
+        """Cosine of every entry."""
+        return combine(elementwise.CosOp, [self])
+
+    # -- linear algebra ------------------------------------------------------------------------------------
+
+    def dot(self, other: Any) -> Attribute:
+        """Sum of the entry-wise product: dot product of vectors, Frobenius product of matrices; 1x1."""
+        return combine(algebra.DotOp, [self, as_attribute(other)])
+
+    def cross(self, other: Any) -> Attribute:
+        """Cross product of two 3-vectors."""
+        return combine(algebra.CrossOp, [self, as_attribute(other)])
+
+    def outer(self, other: Any) -> Attribute:
+        """Outer product a b^T of two column (or row) vectors."""
+        first, second = self, as_attribute(other)
+        column = first if first.shape[1] == 1 else first.transpose()
+        row = second if second.shape[0] == 1 else second.transpose()
+        return combine(algebra.MatmulOp, [column, row])
+
+    def transpose(self) -> Attribute:
+        """Transpose; also `.T`."""
+        return combine(algebra.TransposeOp, [self])
+
+    @property
+    def T(self) -> Attribute:  # noqa: N802 - NumPy's name
+        """Transpose."""
+        return self.transpose()
+
+    def trace(self) -> Attribute:
+        """Sum of the diagonal; 1x1."""
+        return combine(algebra.TraceOp, [self])
+
+    def sum(self) -> Attribute:
+        """Sum of all entries; 1x1."""
+        return combine(algebra.SumOp, [self])
+
+    def norm(self) -> Attribute:
+        """Euclidean (Frobenius) norm; 1x1. Not differentiable at 0."""
+        return combine(algebra.NormOp, [self])
+
+    def det(self) -> Attribute:
+        """Determinant, up to 4x4; 1x1."""
+        return combine(algebra.DetOp, [self])
+
+    def inverse(self) -> Attribute:
+        """Inverse, up to 4x4."""
+        return combine(algebra.InverseOp, [self])
+
+    # -- structure -----------------------------------------------------------------------------------------
+
+    def reshape(self, rows: int, cols: int) -> Attribute:
+        """The same entries, row-major, as rows x cols."""
+        return combine(structure.ReshapeOp, [self], {"shape": integers(rows, cols)})
+
+    def resize(self, rows: int, cols: int) -> Attribute:
+        """The paper's name of `reshape`."""
+        return self.reshape(rows, cols)
+
+    def block(self, row: int, col: int, rows: int, cols: int) -> Attribute:
+        """The rows x cols block whose first entry is (row, col)."""
+        return combine(structure.BlockOp, [self], {"block": integers(row, col, rows, cols)})
+
+    def row(self, index: int) -> Attribute:
+        """One row, 1 x cols; -1 is the last."""
+        return self.block(wrapped(index, self._shape[0], "row", self), 0, 1, self._shape[1])
+
+    def col(self, index: int) -> Attribute:
+        """One column, rows x 1; -1 is the last."""
+        return self.block(0, wrapped(index, self._shape[1], "column", self), self._shape[0], 1)
+
+    def __getitem__(self, index: int | tuple[int, int]) -> Attribute:
+        """Entry `a[i, j]`, or `a[i]` of a vector; 1x1."""
+        if isinstance(index, tuple):
+            row, col = index
+        elif min(self._shape) == 1:
+            row, col = (0, index) if self._shape[0] == 1 else (index, 0)
+        else:
+            raise ShapeMismatchError(f"{self.path} is {spell(self._shape)}: write a[i, j], or a.row(i)")
+        return self.block(
+            wrapped(row, self._shape[0], "row", self), wrapped(col, self._shape[1], "column", self), 1, 1
+        )
+
+    def __iter__(self) -> Any:
+        raise ShapeMismatchError(f"{self.path} can't be iterated over; take its rows by row(i)")
+
+    def stop_gradient(self) -> Attribute:
+        """The same value, held constant by differentiation."""
+        return combine(calculus.StopGradientOp, [self])
+
+
+def integers(*values: int) -> IrAttribute:
+    """An array of integers as an operation's property."""
+    return DenseArrayBase.from_list(i64, [int(v) for v in values])
+
+
+def wrapped(index: int, length: int, word: str, attribute: Attribute) -> int:
+    """The index counted from the start; raises for one out of range."""
+    if not -length <= index < length:
+        raise ShapeMismatchError(f"{attribute.path} is {spell(attribute.shape)} and has no {word} {index}")
+    return index % length
+
+
+def checked_numbers(values: ArrayLike, what: str) -> FloatArray:
+    """float64 array of finite numbers, or DataError."""
+    try:
+        array = np.asarray(values)
+    except ValueError as error:
+        raise DataError(f"{what} needs numbers, got a ragged list: {error}") from error
+    if array.dtype.kind not in "fiub":
+        raise DataError(f"{what} needs real numbers, got {array.dtype}")
+    array = np.ascontiguousarray(array, dtype=np.float64)
+    bad = np.flatnonzero(~np.isfinite(array.ravel()))
+    if bad.size:
+        raise DataError(f"{what}: entry {bad[0]} is {array.ravel()[bad[0]]} ({bad.size} entries are not finite)")
+    return array
+
+
+def constant(values: ArrayLike) -> Attribute:
+    """A matrix of numbers to compute with: a number is 1x1, a flat list of n numbers n x 1."""
+    array = checked_numbers(values, "a constant")
+    if array.ndim > 2 or array.size == 0:
+        raise ShapeMismatchError(f"a constant is a number, a vector or a matrix, got an array of shape {array.shape}")
+    if array.ndim < 2:
+        array = array.reshape(-1, 1)
+    shape = (array.shape[0], array.shape[1])
+    properties: tuple[tuple[str, IrAttribute], ...] = (("value", dense(array, matrix_type(shape))),)
+    return Attribute(None, shape, Computed(structure.ConstantOp, (), properties))
+
+
+def as_attribute(value: Any) -> Attribute:
+    """Attributes as they are, numbers and arrays as constants."""
+    return value if isinstance(value, Attribute) else constant(value)
+
+
+def deepest(attributes: Sequence[Attribute], what: str) -> Entity | None:
+    """The entity that a combination of these lives on: the deepest of their common lineage (paper, 4.3)."""
+    owner: Entity | None = None
+    holder: Attribute | None = None
+    for attribute in attributes:
+        candidate = attribute.owner
+        if candidate is None or candidate is owner:
+            continue
+        if owner is None or owner in candidate.lineage():
+            owner, holder = candidate, attribute
+        elif candidate not in owner.lineage():
+            assert holder is not None
+            if candidate.scene is not owner.scene:
+                reason = "belong to different scenes"
+            else:
+                reason = f"live on {owner.label} and {candidate.label}, which are not of one lineage"
+            raise LineageError(
+                f"{what} of {holder.path} and {attribute.path}: they {reason}. Bring one to the other's primitive first: "
+                "add_attribute(name, through=connectivity, source=attribute) is a JOIN, add_attribute(name) on a "
+                "primitive union a UNION."
+            )
+    return owner
+
+
+def combine(
+    op_class: type[MatOp], operands: Sequence[Attribute], properties: dict[str, IrAttribute] | None = None
+) -> Attribute:
+    """The attribute that this operation gives; raises LineageError and ShapeMismatchError."""
+    properties = properties or {}
+    owner = deepest(operands, op_class.word())
+    try:
+        shape = op_class.infer([operand.shape for operand in operands], properties)
+    except ShapeError as error:
+        names = ", ".join(f"{operand.path} {spell(operand.shape)}" for operand in operands)
+        raise ShapeMismatchError(f"{op_class.word()} of {names}: {error}") from error
+    return Attribute(owner, shape, Computed(op_class, tuple(operands), tuple(properties.items())))
+
+
+def concat_rows(parts: Sequence[Any]) -> Attribute:
+    """Parts of equally many columns, one below the other."""
+    return combine(structure.ConcatRowsOp, [as_attribute(part) for part in parts])
+
+
+def concat_cols(parts: Sequence[Any]) -> Attribute:
+    """Parts of equally many rows, side by side."""
+    return combine(structure.ConcatColsOp, [as_attribute(part) for part in parts])
+
+
+def identity(size: int) -> Attribute:
+    """The identity matrix."""
+    return constant(np.eye(size))
+
+
+def zeros(rows: int, cols: int) -> Attribute:
+    """A matrix of zeros."""
+    return constant(np.zeros((rows, cols)))
+
+
+def _product(left: Attribute, right: Attribute) -> Attribute:
+    """`*`: a 1x1 value scales; anything else is a matrix product."""
+    if left.shape == (1, 1):
+        return combine(elementwise.ScaleOp, [left, right])
+    if right.shape == (1, 1):
+        return combine(elementwise.ScaleOp, [right, left])
+    return combine(algebra.MatmulOp, [left, right])

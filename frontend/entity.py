@@ -1,0 +1,200 @@
+"""What scenes, meshes and primitives share: a place in the lineage, names, attributes."""
+
+from __future__ import annotations
+
+import abc
+import re
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from yasps.dialects.mat import spell
+from yasps.frontend.attribute import Attribute, Joined, Named, Stored, checked_numbers
+from yasps.frontend.connectivity import Connectivity
+from yasps.frontend.errors import ConnectivityError, DataError, LineageError, NameTakenError, SceneError, ShapeMismatchError
+from yasps.frontend.spelling import both_spellings
+
+if TYPE_CHECKING:
+    from yasps.frontend.scene import Scene
+
+NAME = re.compile(r"[A-Za-z][A-Za-z0-9_\-]*")
+
+
+@both_spellings
+class Entity(abc.ABC):
+    """A scene, mesh, primitive or primitive union."""
+
+    kind = "entity"
+    is_dynamic = False
+
+    def __init__(self, name: str, parent: Entity | None) -> None:
+        self.name = name
+        self.parent = parent
+        self.attributes: dict[str, Attribute] = {}
+        self._children: dict[str, Any] = {}
+
+    @property
+    @abc.abstractmethod
+    def scene(self) -> Scene:
+        """The scene it belongs to."""
+
+    @property
+    @abc.abstractmethod
+    def num_instances(self) -> int:
+        """How many instances it has; meshes and scenes have one."""
+
+    @property
+    def path(self) -> str:
+        """Dotted name inside the scene; empty for the scene itself."""
+        above = self.parent.path if self.parent is not None else ""
+        return f"{above}.{self.name}" if above else self.name
+
+    @property
+    def label(self) -> str:
+        """Name for messages."""
+        return f"{self.kind} {self.path}"
+
+    def lineage(self) -> list[Entity]:
+        """Itself, its parent, and so on up to the scene."""
+        return [self, *(self.parent.lineage() if self.parent is not None else [])]
+
+    def __repr__(self) -> str:
+        return f"<{self.kind} {self.path or self.name}: {self.num_instances} instances>"
+
+    # -- names ---------------------------------------------------------------------------------------------
+
+    def check_name(self, name: object, what: str) -> str:
+        """The name, if it can be one and is free here."""
+        if not isinstance(name, str) or not NAME.fullmatch(name):
+            raise NameTakenError(
+                f"{name!r} can't name {what}: a name starts with a letter and goes on with letters, digits, _ and -"
+            )
+        for taken, kind in ((self.attributes, "an attribute"), (self._children, "a part")):
+            if name in taken:
+                raise NameTakenError(f"{self.label} has {kind} named {name!r} already; choose another name for {what}")
+        return name
+
+    def check_child_name(self, name: object, what: str) -> str:
+        """As check_name; a child is also reached as a Python attribute, so its name must not hide one of ours."""
+        checked = self.check_name(name, what)
+        if hasattr(type(self), checked) or checked in self.__dict__:
+            raise NameTakenError(f"{checked!r} can't name {what}: {type(self).__name__} has a member of that name")
+        return checked
+
+    def __getattr__(self, name: str) -> Any:
+        children = self.__dict__.get("_children", {})
+        if name in children:
+            return children[name]
+        known = ", ".join([*children, *(k for k in self.__dict__.get("attributes", {}))]) or "nothing"
+        hint = f"; {name!r} is an attribute: write [{name!r}]" if name in self.__dict__.get("attributes", {}) else ""
+        raise AttributeError(f"{self.kind} {self.__dict__.get('name', '?')} has no {name!r}; it has {known}{hint}")
+
+    def __getitem__(self, name: str) -> Attribute:
+        """The attribute of this name."""
+        if name in self.attributes:
+            return self.attributes[name]
+        raise SceneError(f"{self.label} has no attribute {name!r}; it has {', '.join(self.attributes) or 'none'}")
+
+    # -- attributes ----------------------------------------------------------------------------------------
+
+    def add_constant(self, name: str, rows: int, cols: int, value: ArrayLike | None = None) -> Attribute:
+        """Numbers that never take part in differentiation; zero until `update_value` (or `value`) sets them.
+
+        Their values may still change over time (paper, 4.2). Raises NameTakenError, ShapeMismatchError, DataError.
+        """
+        return self._add_stored(name, rows, cols, value, constant=True)
+
+    def add_attribute(
+        self,
+        name: str,
+        rows: int | None = None,
+        cols: int | None = None,
+        *,
+        value: ArrayLike | None = None,
+        computed_attribute: Attribute | None = None,
+        through: Connectivity | None = None,
+        source: Attribute | None = None,
+    ) -> Attribute:
+        """Adds an attribute under a name (paper, 4.2, 4.5, 4.6). Exactly one of:
+
+        - `rows`, `cols`: numbers the user sets, rows x cols on each instance; may be a minimisation target;
+        - `computed_attribute`: a name for an expression of this entity's lineage;
+        - `through`, `source`: JOIN of `source` (an attribute of the connectivity's target) through the connectivity;
+          the result is arity x (rows cols);
+        - on a primitive union, the name alone: UNION of the members' attributes of that name.
+
+        Raises NameTakenError, ShapeMismatchError, LineageError, ConnectivityError, DataError, SceneError.
+        """
+        given = [rows is not None or cols is not None, computed_attribute is not None, through is not None or source is not None]
+        if sum(given) > 1:
+            raise SceneError(
+                f"{self.label}, attribute {name!r}: give rows and cols, or computed_attribute, or through and source, "
+                "not several of them"
+            )
+        if computed_attribute is not None:
+            return self._add_named(name, computed_attribute)
+        if given[2]:
+            return self._add_join(name, through, source)
+        if given[0]:
+            if rows is None or cols is None:
+                raise ShapeMismatchError(f"{self.label}, attribute {name!r}: give both rows and cols")
+            return self._add_stored(name, rows, cols, value, constant=False)
+        return self._add_union(name)
+
+    def _register(self, name: str, attribute: Attribute) -> Attribute:
+        self.attributes[name] = attribute
+        return attribute
+
+    def _add_stored(self, name: str, rows: int, cols: int, value: ArrayLike | None, constant: bool) -> Attribute:
+        self.check_name(name, "an attribute")
+        for count, word in ((rows, "rows"), (cols, "cols")):
+            if not isinstance(count, int | np.integer) or isinstance(count, bool) or count < 1:
+                raise ShapeMismatchError(f"{self.label}, attribute {name!r}: {word} must be a positive integer, got {count!r}")
+        shape = (int(rows), int(cols))
+        stored = Stored(np.zeros((self.num_instances, *shape)), constant)
+        attribute = Attribute(self, shape, stored, name)
+        if value is not None:
+            numbers = checked_numbers(value, attribute.path)
+            if numbers.size != stored.array.size:
+                raise DataError(
+                    f"{attribute.path} needs {self.num_instances} x {spell(shape)} = {stored.array.size} numbers, got "
+                    f"{numbers.size}"
+                )
+            stored.array = numbers.reshape(stored.array.shape).copy()
+        return self._register(name, attribute)
+
+    def _add_named(self, name: str, expression: Attribute) -> Attribute:
+        self.check_name(name, "an attribute")
+        if not isinstance(expression, Attribute):
+            raise SceneError(f"{self.label}, attribute {name!r}: computed_attribute must be an attribute, got {expression!r}")
+        if expression.owner is not None and expression.owner not in self.lineage():
+            raise LineageError(
+                f"{expression.path} lives on {expression.owner.label} and can't be an attribute of {self.label}; JOIN it "
+                "through a connectivity instead"
+            )
+        return self._register(name, Attribute(self, expression.shape, Named(expression), name))
+
+    def _add_join(self, name: str, through: Connectivity | None, source: Attribute | None) -> Attribute:
+        self.check_name(name, "an attribute")
+        if not isinstance(through, Connectivity) or not isinstance(source, Attribute):
+            raise SceneError(f"{self.label}, attribute {name!r}: a JOIN needs both through=connectivity and source=attribute")
+        if through.source is not self:
+            raise ConnectivityError(
+                f"{self.label}, attribute {name!r}: {through.path} starts at {through.source.path}, not here; a JOIN lives "
+                "on the primitive its connectivity starts at"
+            )
+        if source.owner is not through.target:
+            where = source.owner.label if source.owner is not None else "nowhere"
+            raise LineageError(
+                f"{self.label}, attribute {name!r}: the source {source.path} lives on {where}, but {through.path} leads to "
+                f"{through.target.label}"
+            )
+        shape = (through.arity, source.shape[0] * source.shape[1])
+        return self._register(name, Attribute(self, shape, Joined(through, source), name))
+
+    def _add_union(self, name: str) -> Attribute:
+        raise ShapeMismatchError(
+            f"{self.label}, attribute {name!r}: give rows and cols, computed_attribute, or through and source (a name alone "
+            "is a UNION, on primitive unions only)"
+        )

@@ -1,0 +1,189 @@
+"""Primitives and primitive unions (paper, 4.1 and 4.6)."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from yasps.dialects.mat import spell
+from yasps.frontend.attribute import Attribute, FloatArray, Stored, United, checked_numbers
+from yasps.frontend.connectivity import Connectivity
+from yasps.frontend.entity import Entity
+from yasps.frontend.errors import ConnectivityError, DataError, SceneError, ShapeMismatchError
+from yasps.frontend.spelling import both_spellings
+
+if TYPE_CHECKING:
+    from yasps.frontend.mesh import Mesh
+    from yasps.frontend.scene import Scene
+
+
+@both_spellings
+class PrimitiveBase(Entity):
+    """A primitive or a primitive union: something with instances, which can be connected."""
+
+    def __init__(self, name: str, mesh: Mesh) -> None:
+        super().__init__(name, mesh)
+        self.mesh = mesh
+        self.connectivities: dict[str, Connectivity] = {}
+
+    @property
+    def scene(self) -> Scene:
+        """The scene it belongs to."""
+        return self.mesh.scene
+
+    def set_num_instances(self, count: int) -> None:
+        """Notes the new number of instances of a dynamic primitive."""
+        raise SceneError(f"{self.label} has a fixed number of instances")
+
+    def add_connectivity(self, name: str, target: PrimitiveBase, indices: ArrayLike, arity: int) -> Connectivity:
+        """Connects each instance to `arity` instances of `target` (0-based; paper, 4.4).
+
+        indices: instances x arity of them, flat or in rows; empty for a dynamic primitive until it is known.
+        Raises ConnectivityError for a wrong count, type, arity or range; NameTakenError.
+        """
+        self.check_child_name(name, "a connectivity")
+        if not isinstance(target, PrimitiveBase):
+            raise ConnectivityError(f"{self.label}, connectivity {name!r}: the target must be a primitive, got {target!r}")
+        if target.scene is not self.scene:
+            raise ConnectivityError(f"{self.label}, connectivity {name!r}: {target.label} belongs to another scene")
+        if not isinstance(arity, int | np.integer) or isinstance(arity, bool) or arity < 1:
+            raise ConnectivityError(f"{self.label}, connectivity {name!r}: arity must be a positive integer, got {arity!r}")
+        connectivity = Connectivity(name, self, target, indices, int(arity))
+        if self.is_dynamic and len(connectivity.indices) != self.num_instances:
+            if any(len(other.indices) for other in self.connectivities.values()):
+                raise ConnectivityError(
+                    f"{connectivity.path} has {len(connectivity.indices)} rows, but {self.label} has {self.num_instances} "
+                    "instances by its other connectivities"
+                )
+            self.set_num_instances(len(connectivity.indices))
+        self.connectivities[name] = connectivity
+        self._children[name] = connectivity
+        return connectivity
+
+
+@both_spellings
+class Primitive(PrimitiveBase):
+    """A collection of instances. A dynamic one may change their number, e.g. contact pairs."""
+
+    kind = "primitive"
+
+    def __init__(self, name: str, mesh: Mesh, num_instances: int, is_dynamic: bool) -> None:
+        super().__init__(name, mesh)
+        self._num_instances = num_instances
+        self.is_dynamic = is_dynamic
+
+    @property
+    def num_instances(self) -> int:
+        """How many instances there are now."""
+        return self._num_instances
+
+    def set_num_instances(self, count: int) -> None:
+        """Notes the new number of instances of a dynamic primitive; its connectivities and data must follow."""
+        if not self.is_dynamic:
+            super().set_num_instances(count)
+        if count != self._num_instances:
+            self._num_instances = count
+            self.scene.size_changed(self)
+
+    def update(self, **parts: Any) -> None:
+        """Sets several connectivities and stored attributes at once, by name, all or none.
+
+        This is how a dynamic primitive changes its number of instances: what is not given keeps its numbers, so on a
+        dynamic primitive give all of them. Raises ConnectivityError, DataError, SceneError; nothing is changed then.
+        """
+        indices: dict[Connectivity, Any] = {}
+        numbers: dict[Stored, FloatArray] = {}
+        counts: dict[str, int] = {}
+        for name, value in parts.items():
+            if name in self.connectivities:
+                connectivity = self.connectivities[name]
+                indices[connectivity] = connectivity._checked(value)  # noqa: SLF001
+                counts[name] = len(indices[connectivity])
+            elif name in self.attributes and isinstance(self.attributes[name].node, Stored):
+                attribute = self.attributes[name]
+                array = checked_numbers(value, attribute.path)
+                size = attribute.shape[0] * attribute.shape[1]
+                if array.size % size:
+                    raise DataError(f"{attribute.path} is {spell(attribute.shape)}: {array.size} numbers don't fill instances")
+                node = attribute.node
+                assert isinstance(node, Stored)
+                numbers[node] = array.reshape(-1, *attribute.shape).copy()
+                counts[name] = len(numbers[node])
+            else:
+                known = [*self.connectivities, *(n for n, a in self.attributes.items() if isinstance(a.node, Stored))]
+                raise SceneError(f"{self.label} has no connectivity or stored attribute {name!r}; it has {', '.join(known)}")
+        wanted = set(counts.values()) if self.is_dynamic else {*counts.values(), self.num_instances}
+        if len(wanted) > 1:
+            listed = ", ".join(f"{name}: {count}" for name, count in counts.items())
+            raise DataError(f"{self.label}: all parts need the same number of instances, got {listed}")
+        for connectivity, checked in indices.items():
+            connectivity._replace(checked)  # noqa: SLF001
+        for node, array in numbers.items():
+            node.array = array
+        if wanted and self.is_dynamic:
+            self.set_num_instances(wanted.pop())
+        self.scene.arrays_moved()
+        self.scene.values_changed()
+
+    def check_consistent(self) -> None:
+        """Raises DataError if data or connectivities don't match the current number of instances."""
+        for connectivity in self.connectivities.values():
+            if len(connectivity.indices) != self.num_instances:
+                raise DataError(
+                    f"{self.label} has {self.num_instances} instances, but {connectivity.path} has "
+                    f"{len(connectivity.indices)} rows; set all parts together with update(...)"
+                )
+        for attribute in self.attributes.values():
+            if isinstance(attribute.node, Stored) and len(attribute.node.array) != self.num_instances:
+                raise DataError(
+                    f"{self.label} has {self.num_instances} instances, but {attribute.path} has numbers for "
+                    f"{len(attribute.node.array)}; set all parts together with update(...)"
+                )
+
+
+@both_spellings
+class PrimitiveUnion(PrimitiveBase):
+    """The disjoint union of primitives (and primitive unions), in order: instances of the first come first."""
+
+    kind = "primitive union"
+
+    def __init__(self, name: str, mesh: Mesh, members: Sequence[PrimitiveBase]) -> None:
+        super().__init__(name, mesh)
+        self.members = tuple(members)
+        self.is_dynamic = any(member.is_dynamic for member in self.members)
+
+    @property
+    def num_instances(self) -> int:
+        """Instances of all members together."""
+        return sum(member.num_instances for member in self.members)
+
+    def set_num_instances(self, count: int) -> None:
+        """A union's number of instances follows from its members'."""
+        if count != self.num_instances:
+            raise SceneError(f"{self.label} has {self.num_instances} instances, those of its members; got {count}")
+
+    def offsets(self) -> np.ndarray[Any, np.dtype[np.int64]]:
+        """Where each member's instances start, and the total: int64 [members + 1]."""
+        return np.cumsum([0, *(member.num_instances for member in self.members)]).astype(np.int64)
+
+    def offset_of(self, member: PrimitiveBase) -> int:
+        """Where the member's instances start."""
+        return int(self.offsets()[self.members.index(member)])
+
+    def _add_union(self, name: str) -> Attribute:
+        self.check_name(name, "an attribute")
+        parts = []
+        for member in self.members:
+            if name not in member.attributes:
+                raise SceneError(
+                    f"UNION {self.path}.{name}: {member.label} has no attribute {name!r}; it has "
+                    f"{', '.join(member.attributes) or 'none'}"
+                )
+            parts.append(member.attributes[name])
+        if len({part.shape for part in parts}) > 1:
+            listed = ", ".join(f"{part.path} {spell(part.shape)}" for part in parts)
+            raise ShapeMismatchError(f"UNION {self.path}.{name} needs one shape, got {listed}")
+        return self._register(name, Attribute(self, parts[0].shape, United(tuple(parts)), name))

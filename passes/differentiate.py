@@ -1,0 +1,152 @@
+"""`differentiate`: gradients, Hessians and Jacobians of a scene (paper, section 5, algorithms 1 to 3).
+
+Each energy is split at its boundary nodes. `rel.derivative` holds its gradient and Hessian with respect to the boundary
+inputs that lead to a target; `rel.jacobian` holds, for every attribute a JOIN or UNION leads through on the way, how it
+changes with *its* boundary inputs. Derivatives of shared attributes are so made once and used by every energy.
+
+Inside an energy the smallest linear cut y = L x + c is kept: phi's derivatives are taken with respect to y and pulled
+back as L^T g and L^T H L (eq. 3; L is free of the targets, so the curvature term is zero).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from xdsl.context import Context
+from xdsl.dialects.builtin import ModuleOp
+from xdsl.ir import Block, Operation, SSAValue
+from xdsl.passes import ModulePass
+
+from yasps.dialects.mat import shape_of
+from yasps.dialects.rel import (
+    AttributeOp,
+    Container,
+    DataOp,
+    DerivativeOp,
+    EnergyOp,
+    JacobianOp,
+    JoinOp,
+    ReadOp,
+    RefOp,
+    TargetOp,
+    UnionOp,
+    YieldDerivativeOp,
+    YieldJacobianOp,
+    name_of,
+    symbol,
+)
+from yasps.passes.bodies import BodyBuilder, containers, inline_body, is_union, source_of
+from yasps.passes.derivatives import jacobian, pull_back, stacked
+from yasps.passes.errors import CompileError
+from yasps.passes.linear_cut import Dependence, DependenceMap, linear_cut
+
+
+@dataclass(frozen=True)
+class Differentiate(ModulePass):
+    """See the module."""
+
+    name = "differentiate"
+
+    def apply(self, ctx: Context, op: ModuleOp) -> None:
+        for container in containers(op):
+            _Differentiation(container).run()
+
+
+class _Differentiation:
+    def __init__(self, container: Container) -> None:
+        block = container.body.block
+        self.block = block
+        self.attributes = {op.symbol: op for op in block.ops if isinstance(op, AttributeOp)}
+        self.targets = {name_of(op.variable) for op in block.ops if isinstance(op, TargetOp)}
+        self.energies = [op for op in block.ops if isinstance(op, EnergyOp)]
+        self._reaches: dict[str, bool] = {}
+        self._jacobians: dict[str, JacobianOp] = {}
+
+    def run(self) -> None:
+        made: list[Operation] = []
+        for energy in self.energies:
+            derivative = self.differentiate_energy(energy)
+            if derivative is not None:
+                made.append(derivative)
+        for op in (*self._jacobians.values(), *made):
+            self.block.add_op(op)
+
+    def reaches_target(self, name: str) -> bool:
+        """Does the attribute or storage depend on a target?"""
+        if name in self.targets:
+            return True
+        if name not in self.attributes:
+            return False
+        if name not in self._reaches:
+            self._reaches[name] = False
+            self._reaches[name] = any(self.is_active(op) for op in self.attributes[name].body.walk())
+        return self._reaches[name]
+
+    def is_active(self, op: Operation) -> bool:
+        """Is this a boundary read that depends on a target?"""
+        if isinstance(op, UnionOp):
+            return any(self.reaches_target(name_of(member)) for member in op.members)
+        if isinstance(op, DataOp):
+            return name_of(op.storage) in self.targets
+        if isinstance(op, JoinOp | RefOp):
+            source = source_of(op)
+            return source is not None and self.reaches_target(source)
+        return False
+
+    def copy_body(self, attribute: AttributeOp) -> tuple[BodyBuilder, SSAValue, list[SSAValue]]:
+        """A new body with the attribute's primal operations, its value, and its active boundary inputs."""
+        b = BodyBuilder(Block())
+        value = inline_body(b, self.attributes, attribute)
+        active: list[SSAValue] = [op.result for op in b.body.ops if isinstance(op, ReadOp) and self.is_active(op)]
+        return b, value, active
+
+    def differentiate_energy(self, energy: EnergyOp) -> DerivativeOp | None:
+        attribute = self.attributes[name_of(energy.attribute)]
+        b, value, inputs = self.copy_body(attribute)
+        if not inputs:
+            return None  # constant with respect to every target: no gradient, no Hessian
+        dependence = DependenceMap(b.body, inputs)
+        one = b.number(1.0)
+        hessian: SSAValue | None = None
+        if dependence[value] is Dependence.NONLINEAR:
+            cut = linear_cut(dependence, inputs)
+            cut_gradients = pull_back(b, dependence, {value: one}, cut)
+            curvature = jacobian(b, [cut_gradients.get(v, b.zeros(shape_of(v))) for v in cut], cut)
+            hessian = b.congruence(curvature, jacobian(b, cut, inputs))
+        # From the top again: the energy may depend on the inputs linearly beside the cut. Value numbering makes what
+        # both traversals share once.
+        gradients = pull_back(b, dependence, {value: one}, inputs)
+        b.append(YieldDerivativeOp(stacked(b, inputs, gradients), hessian, inputs))
+        for read in inputs:
+            self.need_jacobians(read.owner)
+        return DerivativeOp(f"{attribute.symbol}.derivative", energy, attribute.owner, b.body)
+
+    def need_jacobians(self, read: object) -> None:
+        """Makes the Jacobians of the attributes this boundary read leads through."""
+        if isinstance(read, UnionOp):
+            for member in read.members:
+                self.need_jacobian(name_of(member))
+        elif isinstance(read, JoinOp | RefOp):
+            source = source_of(read)
+            if source is not None:
+                self.need_jacobian(source)
+
+    def need_jacobian(self, name: str) -> None:
+        if name in self._jacobians or name not in self.attributes or not self.reaches_target(name):
+            return
+        attribute = self.attributes[name]
+        if is_union(attribute):
+            self.need_jacobians(attribute.body.block.first_op)
+            return
+        b, value, inputs = self.copy_body(attribute)
+        dependence = DependenceMap(b.body, inputs)
+        if dependence[value] is Dependence.NONLINEAR:
+            raise CompileError(
+                f"'{name}' depends nonlinearly on the minimisation targets. This version takes joins and unions only of "
+                "attributes that are affine in the targets (free vertices, affine bodies, cages); write the nonlinear "
+                "part inside the energy."
+            )
+        b.append(YieldJacobianOp(jacobian(b, [value], inputs), inputs))
+        self._jacobians[name] = JacobianOp(f"{name}.jacobian", symbol(attribute.symbol), attribute.owner, b.body)
+        for read in inputs:
+            self.need_jacobians(read.owner)

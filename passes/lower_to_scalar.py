@@ -1,0 +1,262 @@
+"""`lower-to-scalar`: bodies become calls of straight-line scalar functions in `func`, `arith` and `math`.
+
+Zeros, identities and symmetry are exploited while the hash-consed scalar graph is built; of symmetric matrices only the
+upper triangle is asked for, so nothing else is computed. A body is cut in two at its projection, which is the runtime's.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import cast
+
+from xdsl.context import Context
+from xdsl.dialects import arith, func, math
+from xdsl.dialects.builtin import Float64Type, FloatAttr, IntegerAttr, IntegerType, ModuleOp, f64
+from xdsl.ir import Attribute, Block, Operation, Region, SSAValue
+from xdsl.passes import ModulePass
+
+from yasps.dialects.mat import MatOp, Matrix, matrix_type, shape_of
+from yasps.dialects.mat.calculus import ProjectPsdOp
+from yasps.dialects.rel import (
+    ApplyOp,
+    AttributeOp,
+    Container,
+    DerivativeOp,
+    JacobianOp,
+    ProjectOp,
+    ReadOp,
+    YieldDerivativeOp,
+    YieldJacobianOp,
+    YieldOp,
+    packed_size,
+)
+from yasps.dialects.scalar_graph import Node, ScalarGraph
+from yasps.passes.bodies import BodyBuilder, containers
+from yasps.passes.linear_cut import size_of
+
+BINARY: dict[str, Callable[[SSAValue, SSAValue], Operation]] = {
+    "add": arith.AddfOp,
+    "sub": arith.SubfOp,
+    "mul": arith.MulfOp,
+    "div": arith.DivfOp,
+}
+UNARY: dict[str, Callable[[SSAValue], Operation]] = {
+    "neg": arith.NegfOp,
+    "sqrt": math.SqrtOp,
+    "exp": math.ExpOp,
+    "log": math.LogOp,
+    "sin": math.SinOp,
+    "cos": math.CosOp,
+    "tan": math.TanOp,
+    "asin": math.AsinOp,
+    "acos": math.AcosOp,
+    "atan": math.AtanOp,
+}
+
+
+@dataclass(frozen=True)
+class LowerToScalar(ModulePass):
+    """See the module."""
+
+    name = "lower-to-scalar"
+
+    def apply(self, ctx: Context, op: ModuleOp) -> None:
+        for container in containers(op):
+            for inner in list(container.body.block.ops):
+                if isinstance(inner, AttributeOp) and inner.body.blocks:
+                    _lower_attribute(container, inner)
+                elif isinstance(inner, DerivativeOp):
+                    _lower_derivative(container, inner)
+                elif isinstance(inner, JacobianOp):
+                    _lower_jacobian(container, inner)
+
+
+class _Stage:
+    """One scalar function under construction, on values read in a body."""
+
+    def __init__(self) -> None:
+        self.graph = ScalarGraph()
+        self.inputs: list[SSAValue] = []
+        self._entries: dict[SSAValue, list[Node]] = {}
+        self._count = 0
+
+    def add_input(self, value: SSAValue, symmetric_width: int | None = None) -> None:
+        """Makes all entries of the value inputs of the function; of a packed symmetric one, the whole matrix."""
+        size = size_of(value) if symmetric_width is None else packed_size(symmetric_width)
+        nodes = [self.graph.input(self._count + k) for k in range(size)]
+        self._count += size
+        self.inputs.append(value)
+        self._entries[value] = nodes if symmetric_width is None else _unpacked(nodes, symmetric_width)
+
+    def entries(self, value: SSAValue) -> list[Node]:
+        """Scalar nodes of all entries of a value, row-major; lowers what it needs, operands first."""
+        stack = [value]
+        while stack:
+            current = stack[-1]
+            if current in self._entries:
+                stack.pop()
+                continue
+            op = cast(MatOp, current.owner)
+            missing = [operand for operand in op.operands if operand not in self._entries]
+            if missing:
+                stack.extend(missing)
+                continue
+            self._entries[current] = op.lower(self.graph, *[self._entries[operand] for operand in op.operands])
+            stack.pop()
+        return self._entries[value]
+
+    def upper(self, value: SSAValue) -> list[Node]:
+        """The packed upper triangle of a symmetric value."""
+        size = shape_of(value)[0]
+        entries = self.entries(value)
+        return [entries[i * size + j] for i in range(size) for j in range(i, size)]
+
+
+def _unpacked(upper: Sequence[Node], width: int) -> list[Node]:
+    start = [i * width - i * (i - 1) // 2 - i for i in range(width)]  # of row i, less i
+    return [upper[start[min(i, j)] + max(i, j)] for i in range(width) for j in range(width)]
+
+
+def _function(name: str, graph: ScalarGraph, inputs: Sequence[Attribute], outputs: Sequence[Node]) -> func.FuncOp:
+    """Writes the nodes the outputs need as a `func.func` of these input types."""
+    block = Block(arg_types=list(inputs))
+    element = inputs[0] if inputs else f64
+    values: dict[Node, SSAValue] = {}
+    for node in graph.reachable(outputs):
+        kind, arguments = graph.kinds[node], [values[a] for a in graph.arguments[node]]
+        if kind == "input":
+            values[node] = block.args[int(graph.values[node])]
+            continue
+        if kind == "constant":
+            op = _constant(graph.values[node], element)
+        elif kind == "power":
+            exponent = _constant(graph.values[node], f64)
+            block.add_op(exponent)
+            op = math.PowFOp(arguments[0], exponent.results[0])
+        elif kind in BINARY:
+            op = BINARY[kind](*arguments)
+        else:
+            op = UNARY[kind](*arguments)
+        block.add_op(op)
+        values[node] = op.results[0]
+    block.add_op(func.ReturnOp(*[values[node] for node in outputs]))
+    return func.FuncOp(name, (list(inputs), [element] * len(outputs)), Region(block))
+
+
+def _constant(value: float, element: Attribute) -> Operation:
+    if isinstance(element, IntegerType):
+        return arith.ConstantOp(IntegerAttr(int(value), element))
+    return arith.ConstantOp(FloatAttr(value, cast(Float64Type, element)))
+
+
+def _call(
+    container: Container,
+    b: BodyBuilder,
+    name: str,
+    stage: _Stage,
+    values: dict[SSAValue, SSAValue],
+    outputs: Sequence[Sequence[Node]],
+    element: Float64Type | IntegerType = f64,
+    shapes: Sequence[tuple[int, int]] | None = None,
+) -> Sequence[SSAValue]:
+    """Adds the stage's function to the container and a call of it to the body, with the inputs it uses."""
+    flat = [node for part in outputs for node in part]
+    used = {int(stage.graph.values[n]) for n in stage.graph.reachable(flat) if stage.graph.kinds[n] == "input"}
+    graph, kept, position, renumbered = stage.graph, [], 0, 0
+    for value in stage.inputs:
+        size = size_of(values[value])
+        if used & set(range(position, position + size)):
+            kept.append(values[value])
+            for k in range(size):
+                if position + k in used:
+                    graph.values[graph.input(position + k)] = float(renumbered + k)
+            renumbered += size
+        position += size
+    types = [element] * renumbered
+    container.body.block.add_op(_function(name, graph, types, flat))
+    result_shapes = shapes or [(len(part), 1) for part in outputs]
+    call = ApplyOp(name, kept, [matrix_type(shape, element) for shape in result_shapes])
+    b.append(call)
+    return call.results
+
+
+def _reads(b: BodyBuilder, block: Block, stages: Sequence[_Stage]) -> dict[SSAValue, SSAValue]:
+    """Copies the boundary reads into the new body and makes them inputs of the stages."""
+    values: dict[SSAValue, SSAValue] = {}
+    for op in block.ops:
+        if isinstance(op, ReadOp):
+            values[op.result] = b.read(op)
+            for stage in stages:
+                stage.add_input(op.result)
+    return values
+
+
+def _replace_body(op: AttributeOp | DerivativeOp | JacobianOp, block: Block) -> None:
+    op.detach_region(op.regions[0])
+    op.add_region(Region(block))
+
+
+def _lower_attribute(container: Container, attribute: AttributeOp) -> None:
+    block = attribute.body.block
+    terminator = block.last_op
+    assert isinstance(terminator, YieldOp)
+    if isinstance(terminator.value.owner, ReadOp):
+        return  # a JOIN, UNION or plain data: nothing to compute
+    b, stage = BodyBuilder(Block()), _Stage()
+    values = _reads(b, block, [stage])
+    type_ = cast(Matrix, terminator.value.type)
+    outputs = [stage.entries(terminator.value)]
+    shape = shape_of(terminator.value)
+    (value,) = _call(container, b, f"{attribute.symbol}.value", stage, values, outputs, type_.element_type, [shape])
+    b.append(YieldOp(value))
+    _replace_body(attribute, b.body)
+
+
+def _lower_derivative(container: Container, derivative: DerivativeOp) -> None:
+    block = derivative.body.block
+    terminator = block.last_op
+    assert isinstance(terminator, YieldDerivativeOp)
+    projection = next((op for op in block.ops if isinstance(op, ProjectPsdOp)), None)
+    name = name_of_function(derivative)
+    b, derive, pull = BodyBuilder(Block()), _Stage(), _Stage()
+    values = _reads(b, block, [derive, pull])
+    outputs = [derive.entries(terminator.gradient)]
+    symmetric = terminator.hessian if projection is None else projection.operands[0]
+    if symmetric is not None:
+        outputs.append(derive.upper(symmetric))
+    results = _call(container, b, f"{name}.derive", derive, values, outputs)
+    hessian = results[1] if symmetric is not None else None
+    if projection is not None:
+        assert hessian is not None and terminator.hessian is not None
+        width = shape_of(projection.result)[0]
+        project = ProjectOp(hessian, width, projection.mode.data)
+        b.append(project)
+        hessian = project.result
+        if terminator.hessian is not projection.result:
+            pull.add_input(projection.result, width)
+            values[projection.result] = hessian
+            (hessian,) = _call(container, b, f"{name}.pull_back", pull, values, [pull.upper(terminator.hessian)])
+    b.append(YieldDerivativeOp(results[0], hessian, [values[v] for v in terminator.wrt]))
+    _replace_body(derivative, b.body)
+
+
+def name_of_function(op: DerivativeOp | JacobianOp) -> str:
+    return op.attribute.root_reference.data
+
+
+def _lower_jacobian(container: Container, jacobian: JacobianOp) -> None:
+    block = jacobian.body.block
+    terminator = block.last_op
+    assert isinstance(terminator, YieldJacobianOp)
+    rows, cols = shape_of(terminator.jacobian)
+    b, stage = BodyBuilder(Block(arg_types=[matrix_type((rows, 1))])), _Stage()
+    values = _reads(b, block, [stage])
+    cotangent = b.body.args[0]
+    stage.add_input(cotangent)
+    values[cotangent] = cotangent
+    entries, v = stage.entries(terminator.jacobian), stage.entries(cotangent)
+    outputs = [stage.graph.dot(entries[j::cols], v) for j in range(cols)]
+    (result,) = _call(container, b, f"{name_of_function(jacobian)}.pull_back", stage, values, [outputs])
+    b.append(YieldJacobianOp(result, [values[value] for value in terminator.wrt]))
+    _replace_body(jacobian, b.body)

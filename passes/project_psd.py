@@ -1,0 +1,88 @@
+"""`project-psd`: decides for each energy where its Hessian is made positive semi-definite (paper, 5.4, 7.2, 10.4).
+
+All layers below an energy are affine here, so projecting at the boundary is enough; and where the Hessian is L^T S L
+with L free of the targets, S is smaller still and is projected instead.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from xdsl.context import Context
+from xdsl.dialects.builtin import ModuleOp, StringAttr
+from xdsl.ir import Block, Region, SSAValue
+from xdsl.passes import ModulePass
+
+from yasps.dialects.mat import MatOp, shape_of
+from yasps.dialects.mat.calculus import CongruenceOp
+from yasps.dialects.rel import DerivativeOp, ReadOp, YieldDerivativeOp
+from yasps.passes.bodies import BodyBuilder, containers
+from yasps.passes.linear_cut import DependenceMap
+
+
+@dataclass(frozen=True)
+class ProjectPsd(ModulePass):
+    """See the module."""
+
+    name = "project-psd"
+
+    def apply(self, ctx: Context, op: ModuleOp) -> None:
+        for container in containers(op):
+            for derivative in container.body.block.ops:
+                if isinstance(derivative, DerivativeOp):
+                    _project(derivative)
+
+
+def _project(derivative: DerivativeOp) -> None:
+    terminator = derivative.body.block.last_op
+    assert isinstance(terminator, YieldDerivativeOp)
+    mode = derivative.projection.data
+    if terminator.hessian is None:
+        derivative.projects = StringAttr("nowhere: the energy is affine, its Hessian is zero")
+        return
+    if mode == "none":
+        derivative.projects = StringAttr("nowhere: switched off")
+        return
+    symmetric = _innermost(derivative, terminator)
+    full, width = shape_of(terminator.hessian)[0], shape_of(symmetric)[0]
+    reason = "the energy reads its inputs through a linear cut" if width < full else "no narrower linear cut"
+    derivative.projects = StringAttr(f"{width}x{width} of {full}x{full}: {reason}")
+    _rebuild(derivative, terminator, symmetric, mode)
+
+
+def _innermost(derivative: DerivativeOp, terminator: YieldDerivativeOp) -> SSAValue:
+    """The smallest symmetric S with Hessian = L^T S L and L free of the inputs."""
+    assert terminator.hessian is not None
+    dependence = DependenceMap(derivative.body.block, terminator.wrt)
+    value: SSAValue = terminator.hessian
+    while isinstance(value.owner, CongruenceOp):
+        middle, linear = value.owner.operands
+        if dependence.is_active(linear) or shape_of(middle)[0] > shape_of(value)[0]:
+            break
+        value = middle
+    return value
+
+
+def _rebuild(derivative: DerivativeOp, terminator: YieldDerivativeOp, symmetric: SSAValue, mode: str) -> None:
+    """The same body with the projection behind `symmetric`, for the Hessian alone."""
+    b = BodyBuilder(Block())
+    plain: dict[SSAValue, SSAValue] = {}
+    for op in derivative.body.block.ops:
+        if isinstance(op, ReadOp):
+            plain[op.result] = b.read(op)
+        elif isinstance(op, MatOp):
+            plain[op.result] = b.copy(op, [plain[v] for v in op.operands])
+    projected = {symmetric: b.project_psd(plain[symmetric], mode)}
+
+    def hessian(value: SSAValue) -> SSAValue:
+        if value not in projected:
+            op = value.owner
+            assert isinstance(op, CongruenceOp)
+            projected[value] = b.congruence(hessian(op.operands[0]), plain[op.operands[1]])
+        return projected[value]
+
+    assert terminator.hessian is not None
+    wrt = [plain[v] for v in terminator.wrt]
+    b.append(YieldDerivativeOp(plain[terminator.gradient], hessian(terminator.hessian), wrt))
+    derivative.detach_region(derivative.body)
+    derivative.add_region(Region(b.body))

@@ -1,0 +1,350 @@
+"""Compiles C++ text to shared libraries, in parallel, with a cache that all processes of a user share.
+
+Everything is keyed by content: the source text, the flags, the compiler's version and what `-march=native` means on
+this processor. A file in the cache is therefore never out of date and never changed, only replaced by an equal one.
+The folder is `YASPS_CACHE` where that is set, else the user's cache folder.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import re
+import shlex
+import shutil
+import subprocess
+import tempfile
+import time
+from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import platformdirs
+
+#: Flags of every compile. No -ffast-math: NaN and infinity must survive, and sums keep their order.
+DEFAULT_FLAGS = (
+    "-O2",
+    "-fPIC",
+    "-march=native",
+    "-std=c++17",
+    "-fno-math-errno",
+    "-fno-trapping-math",
+    "-ffp-contract=fast",
+)
+
+_MESSAGE_LINES = 12
+
+_VECTOR_MATH_PROBE = """\
+typedef double pack __attribute__((vector_size(32)));
+extern "C" pack _ZGVdN4v_log(pack);
+int main(int count, char**) {
+    pack x = {1.0 * count, 1.0, 1.0, 1.0};
+    pack y = _ZGVdN4v_log(x);
+    return y[0] == 0.0 && y[3] == 0.0 ? 0 : 1;
+}
+"""
+
+_OPENMP_PROBE = """\
+#include <omp.h>
+int main() {
+    int sum = 0;
+#pragma omp parallel num_threads(2) reduction(+ : sum)
+    sum += 1;
+    return sum >= 1 && omp_get_max_threads() >= 1 ? 0 : 1;
+}
+"""
+
+
+class CompilerNotFoundError(RuntimeError):
+    """No C++ compiler was found; the message says how to install one."""
+
+
+class CompilationError(RuntimeError):
+    """The C++ compiler refused a source, or the linker a set of objects.
+
+    Attributes: `module` the name of the source, `source` the file where its text was kept (None for a link), and
+    `output` everything the compiler said.
+    """
+
+    def __init__(self, module: str, source: Path | None, output: str) -> None:
+        """Keep what failed; the message shows the first lines of `output`."""
+        self.module = module
+        self.source = source
+        self.output = output
+        lines = output.strip().splitlines()
+        shown = "\n  ".join(lines[:_MESSAGE_LINES]) or "(no message)"
+        more = f"\n  ... and {len(lines) - _MESSAGE_LINES} more lines" if len(lines) > _MESSAGE_LINES else ""
+        where = f" (its source is kept in {source})" if source is not None else ""
+        super().__init__(f"the C++ module '{module}' did not compile{where}:\n  {shown}{more}")
+
+
+class CacheFolderError(RuntimeError):
+    """The folder for compiled code cannot be written."""
+
+
+@dataclass(frozen=True)
+class Source:
+    """One C++ translation unit: `name` for messages and file names, `text` its complete source."""
+
+    name: str
+    text: str
+
+
+@dataclass(frozen=True)
+class CompiledObject:
+    """An object file. `seconds` is the time the compile took now: about 0 where `cached`."""
+
+    name: str
+    path: Path
+    seconds: float
+    cached: bool
+    key: str
+
+
+@dataclass(frozen=True)
+class LinkedLibrary:
+    """A shared library. `seconds` is the time the link took now: about 0 where `cached`."""
+
+    path: Path
+    seconds: float
+    cached: bool
+
+
+@dataclass(frozen=True)
+class Compiler:
+    """A C++ compiler with its flags.
+
+    command: program and leading arguments (as in CXX="ccache g++").
+    version: the first line of its `--version`.
+    target: digest of the macros it predefines, which name every instruction set `-march=native` turns on.
+    has_vector_math: glibc's libmvec (`_ZGVdN4v_log` and its sisters) links and runs with `-lmvec -lm`.
+    has_openmp: a program with `-fopenmp` compiles and runs.
+    """
+
+    command: tuple[str, ...]
+    version: str
+    target: str
+    flags: tuple[str, ...]
+    has_vector_math: bool
+    has_openmp: bool
+
+    @property
+    def path(self) -> Path:
+        """The program itself."""
+        return Path(self.command[0])
+
+    def key(self) -> str:
+        """A digest of all that decides what the compiler makes of a source."""
+        return _digest(*self.command, self.version, self.target, "flags", *self.flags)
+
+    def with_flags(self, *flags: str) -> Compiler:
+        """The same compiler with further flags."""
+        return replace(self, flags=(*self.flags, *flags))
+
+
+def cache_folder() -> Path:
+    """The folder of compiled code: YASPS_CACHE, else the user's cache folder; made when it is not there.
+
+    Raises CacheFolderError when it cannot be made or written.
+    """
+    setting = os.environ.get("YASPS_CACHE")
+    folder = Path(setting).expanduser() if setting else Path(platformdirs.user_cache_dir("yasps"))
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise CacheFolderError(_cache_advice(folder, error)) from error
+    return folder
+
+
+def find_compiler(flags: Sequence[str] = DEFAULT_FLAGS) -> Compiler:
+    """Find the C++ compiler: YASPS_CXX, then CXX, then g++, c++ and clang++ on the PATH.
+
+    Raises CompilerNotFoundError when there is none, or when the one that a variable names does not run.
+    """
+    command, origin = _find_command()
+    version = _output_of([*command, "--version"], origin).splitlines()
+    macros = _output_of([*command, *flags, "-x", "c++", "-dM", "-E", os.devnull], origin)
+    compiler = Compiler(command, version[0] if version else "", _digest(macros), tuple(flags), False, False)
+    return replace(
+        compiler,
+        has_vector_math=_probe(compiler, "vector-math", _VECTOR_MATH_PROBE, ("-lmvec", "-lm")),
+        has_openmp=_probe(compiler, "openmp", _OPENMP_PROBE, ("-fopenmp",)),
+    )
+
+
+def compile_sources(sources: Sequence[Source], compiler: Compiler, jobs: int | None = None) -> list[CompiledObject]:
+    """Compile each source to an object file, `jobs` at a time (default: one per processor), or find it in the cache.
+
+    The result has the order of `sources`. Raises CompilationError for the first source, in that order, that does not
+    compile, and CacheFolderError when the cache cannot be written.
+    """
+    folder = cache_folder()
+    compiler_key = compiler.key()
+    workers = max(1, min(jobs or os.cpu_count() or 1, len(sources)))
+
+    def compile_one(source: Source) -> CompiledObject:
+        return _compile(source, compiler, compiler_key, folder)
+
+    if workers == 1:
+        return [compile_one(source) for source in sources]
+    with ThreadPoolExecutor(workers) as pool:
+        futures = [pool.submit(compile_one, source) for source in sources]
+    return [future.result() for future in futures]
+
+
+def link(objects: Sequence[CompiledObject], compiler: Compiler, extra_flags: Sequence[str] = ()) -> LinkedLibrary:
+    """Link objects to a shared library, or find it in the cache.
+
+    `extra_flags` follow the objects: libraries (`-lmvec`) and link options. Raises CompilationError when the linker
+    fails, and CacheFolderError when the cache cannot be written.
+    """
+    folder = cache_folder()
+    name = _safe_name(objects[0].name if len(objects) == 1 else "library")
+    key = _digest(compiler.key(), "link", *extra_flags, "objects", *(item.key for item in objects))
+    path = folder / f"{name}-{key[:32]}.so"
+    start = time.perf_counter()
+    if _is_filled(path):
+        return LinkedLibrary(path, time.perf_counter() - start, cached=True)
+
+    def build(target: Path) -> None:
+        inputs = [str(item.path) for item in objects]
+        command = [*compiler.command, *compiler.flags, "-shared", "-o", str(target), *inputs, *extra_flags]
+        failure = _failure_of(command)
+        if failure is not None:
+            raise CompilationError(", ".join(item.name for item in objects), None, failure)
+
+    _write_whole(path, build)
+    return LinkedLibrary(path, time.perf_counter() - start, cached=False)
+
+
+def _compile(source: Source, compiler: Compiler, compiler_key: str, folder: Path) -> CompiledObject:
+    key = _digest(compiler_key, "source", source.text)
+    stem = f"{_safe_name(source.name)}-{key[:32]}"
+    path = folder / f"{stem}.o"
+    start = time.perf_counter()
+    if _is_filled(path):
+        return CompiledObject(source.name, path, time.perf_counter() - start, cached=True, key=key)
+    text_path = folder / f"{stem}.cpp"
+    _write_whole(text_path, lambda target: target.write_text(source.text, encoding="utf-8"))
+
+    def build(target: Path) -> None:
+        command = [*compiler.command, *compiler.flags, "-c", str(text_path), "-o", str(target)]
+        failure = _failure_of(command)
+        if failure is not None:
+            raise CompilationError(source.name, text_path, failure)
+
+    _write_whole(path, build)
+    return CompiledObject(source.name, path, time.perf_counter() - start, cached=False, key=key)
+
+
+def _find_command() -> tuple[tuple[str, ...], str]:
+    """The compiler's command and where it was named."""
+    for variable in ("YASPS_CXX", "CXX"):
+        setting = os.environ.get(variable, "").strip()
+        if not setting:
+            continue
+        words = shlex.split(setting)
+        program = shutil.which(words[0])
+        if program is None:
+            raise CompilerNotFoundError(
+                f"the environment variable {variable} names the C++ compiler '{setting}', but there is no program "
+                f"'{words[0]}'. Set {variable} to an installed compiler or unset it.\n{_INSTALL_ADVICE}"
+            )
+        return (program, *words[1:]), f"the environment variable {variable}"
+    for name in ("g++", "c++", "clang++"):
+        program = shutil.which(name)
+        if program is not None:
+            return (program,), "the PATH"
+    raise CompilerNotFoundError(
+        "yasps compiles its kernels at run time and found no C++ compiler (looked for YASPS_CXX, CXX, then g++, c++ "
+        f"and clang++ on the PATH).\n{_INSTALL_ADVICE}"
+    )
+
+
+_INSTALL_ADVICE = (
+    "To install one: Debian/Ubuntu `apt-get install g++`, Fedora `dnf install gcc-c++`, macOS `xcode-select --install`."
+)
+
+
+def _output_of(command: Sequence[str], origin: str) -> str:
+    try:
+        result = subprocess.run(command, capture_output=True, text=True, check=False, errors="replace")
+    except OSError as error:
+        message = f"the C++ compiler {command[0]} (from {origin}) cannot be started: {error}.\n{_INSTALL_ADVICE}"
+        raise CompilerNotFoundError(message) from error
+    if result.returncode != 0:
+        raise CompilerNotFoundError(
+            f"the C++ compiler {command[0]} (from {origin}) does not work: `{shlex.join(command)}` failed with\n"
+            f"  {result.stderr.strip() or result.stdout.strip()}\n{_INSTALL_ADVICE}"
+        )
+    return result.stdout
+
+
+def _failure_of(command: Sequence[str]) -> str | None:
+    """What the command said when it failed, else None."""
+    result = subprocess.run(command, capture_output=True, text=True, check=False, errors="replace")
+    if result.returncode == 0:
+        return None
+    return result.stderr or result.stdout or f"`{shlex.join(command)}` ended with exit code {result.returncode}"
+
+
+def _probe(compiler: Compiler, name: str, program: str, flags: tuple[str, ...]) -> bool:
+    """Whether the program compiles with the extra flags and ends with 0. The answer is kept in the cache."""
+    folder = cache_folder()
+    key = _digest(compiler.key(), program, *flags)
+    answer_path = folder / f"probe-{name}-{key[:32]}.txt"
+    if _is_filled(answer_path):
+        return answer_path.read_text(encoding="utf-8").strip() == "yes"
+    with tempfile.TemporaryDirectory(prefix="yasps-probe-") as scratch:
+        source = Path(scratch) / "probe.cpp"
+        binary = Path(scratch) / "probe"
+        source.write_text(program, encoding="utf-8")
+        command = [*compiler.command, *compiler.flags, str(source), "-o", str(binary), *flags]
+        works = _failure_of(command) is None and _failure_of([str(binary)]) is None
+    _write_whole(answer_path, lambda target: target.write_text("yes\n" if works else "no\n", encoding="utf-8"))
+    return works
+
+
+def _write_whole(path: Path, write: Callable[[Path], object]) -> None:
+    """Let `write` fill a temporary file and put it in place in one step, so that nobody sees half a file."""
+    try:
+        handle, temporary_name = tempfile.mkstemp(prefix=f".{path.stem[:40]}-", suffix=path.suffix, dir=path.parent)
+    except OSError as error:
+        raise CacheFolderError(_cache_advice(path.parent, error)) from error
+    os.close(handle)
+    temporary = Path(temporary_name)
+    try:
+        write(temporary)
+        os.replace(temporary, path)
+    finally:
+        temporary.unlink(missing_ok=True)
+
+
+def _cache_advice(folder: Path, error: OSError) -> str:
+    return (
+        f"yasps keeps compiled code in {folder}, which cannot be written: {error}. "
+        "Set the environment variable YASPS_CACHE to a folder that can."
+    )
+
+
+def _is_filled(path: Path) -> bool:
+    """Whether the file is there with content; a crash of the machine can leave an empty one."""
+    try:
+        return path.stat().st_size > 0
+    except FileNotFoundError:
+        return False
+
+
+def _safe_name(name: str) -> str:
+    return re.sub(r"[^A-Za-z0-9_.-]+", "_", name)[:60] or "module"
+
+
+def _digest(*parts: str) -> str:
+    """SHA-256 of the parts; lengths are part of it, so that no two lists of parts agree by accident."""
+    digest = hashlib.sha256()
+    for part in parts:
+        data = part.encode("utf-8")
+        digest.update(f"{len(data)}:".encode())
+        digest.update(data)
+    return digest.hexdigest()
