@@ -39,7 +39,7 @@ class Location:
 
 def user_location() -> Location:
     """The innermost line outside yasps on the call stack."""
-    frame = sys._getframe(1)  # noqa: SLF001 - inspect.stack() reads source files: 1000 times slower
+    frame = sys._getframe(1)
     while frame.f_back is not None and str(Path(frame.f_code.co_filename).resolve()).startswith(_PACKAGE):
         frame = frame.f_back
     return Location(frame.f_code.co_filename, frame.f_lineno)
@@ -173,7 +173,9 @@ class Attribute:
         Raises SceneError for a computed attribute.
         """
         if not isinstance(self._node, Stored) or self._owner is None:
-            raise SceneError(f"{self.path} is computed; only stored attributes (add_attribute with rows and cols) are set")
+            raise SceneError(
+                f"{self.path} is computed; only stored attributes (add_attribute with rows and cols) are set"
+            )
         array = checked_numbers(values, self.path)
         size = self._shape[0] * self._shape[1]
         count = self._owner.num_instances
@@ -190,7 +192,6 @@ class Attribute:
         else:
             self._node.array = shaped.copy()
             self._owner.scene.arrays_moved()
-        self._owner.scene.values_changed()
 
     def compute(self) -> ComputedValue:
         """Evaluates the attribute on all instances (compiled on first use)."""
@@ -242,7 +243,9 @@ class Attribute:
 
     def __pow__(self, exponent: float) -> Attribute:
         if not isinstance(exponent, int | float | np.integer | np.floating):
-            raise ShapeMismatchError(f"the exponent of ** is a number, got {exponent!r}; use (b * a.log()).exp() for a ** b")
+            raise ShapeMismatchError(
+                f"the exponent of ** is a number, got {exponent!r}; use (b * a.log()).exp() for a ** b"
+            )
         return combine(elementwise.PowOp, [self], {"exponent": FloatAttr(float(exponent), f64)})
 
     def hadamard(self, other: Any) -> Attribute:
@@ -345,9 +348,7 @@ class Attribute:
             row, col = (0, index) if self._shape[0] == 1 else (index, 0)
         else:
             raise ShapeMismatchError(f"{self.path} is {spell(self._shape)}: write a[i, j], or a.row(i)")
-        return self.block(
-            wrapped(row, self._shape[0], "row", self), wrapped(col, self._shape[1], "column", self), 1, 1
-        )
+        return self.block(wrapped(row, self._shape[0], "row", self), wrapped(col, self._shape[1], "column", self), 1, 1)
 
     def __iter__(self) -> Any:
         raise ShapeMismatchError(f"{self.path} can't be iterated over; take its rows by row(i)")

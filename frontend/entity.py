@@ -12,7 +12,14 @@ from numpy.typing import ArrayLike
 from yasps.dialects.mat import spell
 from yasps.frontend.attribute import Attribute, Joined, Named, Stored, checked_numbers
 from yasps.frontend.connectivity import Connectivity
-from yasps.frontend.errors import ConnectivityError, DataError, LineageError, NameTakenError, SceneError, ShapeMismatchError
+from yasps.frontend.errors import (
+    ConnectivityError,
+    DataError,
+    LineageError,
+    NameTakenError,
+    SceneError,
+    ShapeMismatchError,
+)
 from yasps.frontend.spelling import both_spellings
 
 if TYPE_CHECKING:
@@ -126,7 +133,11 @@ class Entity(abc.ABC):
 
         Raises NameTakenError, ShapeMismatchError, LineageError, ConnectivityError, DataError, SceneError.
         """
-        given = [rows is not None or cols is not None, computed_attribute is not None, through is not None or source is not None]
+        given = [
+            rows is not None or cols is not None,
+            computed_attribute is not None,
+            through is not None or source is not None,
+        ]
         if sum(given) > 1:
             raise SceneError(
                 f"{self.label}, attribute {name!r}: give rows and cols, or computed_attribute, or through and source, "
@@ -150,7 +161,9 @@ class Entity(abc.ABC):
         self.check_name(name, "an attribute")
         for count, word in ((rows, "rows"), (cols, "cols")):
             if not isinstance(count, int | np.integer) or isinstance(count, bool) or count < 1:
-                raise ShapeMismatchError(f"{self.label}, attribute {name!r}: {word} must be a positive integer, got {count!r}")
+                raise ShapeMismatchError(
+                    f"{self.label}, attribute {name!r}: {word} must be a positive integer, got {count!r}"
+                )
         shape = (int(rows), int(cols))
         stored = Stored(np.zeros((self.num_instances, *shape)), constant)
         attribute = Attribute(self, shape, stored, name)
@@ -167,7 +180,9 @@ class Entity(abc.ABC):
     def _add_named(self, name: str, expression: Attribute) -> Attribute:
         self.check_name(name, "an attribute")
         if not isinstance(expression, Attribute):
-            raise SceneError(f"{self.label}, attribute {name!r}: computed_attribute must be an attribute, got {expression!r}")
+            raise SceneError(
+                f"{self.label}, attribute {name!r}: computed_attribute must be an attribute, got {expression!r}"
+            )
         if expression.owner is not None and expression.owner not in self.lineage():
             raise LineageError(
                 f"{expression.path} lives on {expression.owner.label} and can't be an attribute of {self.label}; JOIN it "
@@ -178,7 +193,9 @@ class Entity(abc.ABC):
     def _add_join(self, name: str, through: Connectivity | None, source: Attribute | None) -> Attribute:
         self.check_name(name, "an attribute")
         if not isinstance(through, Connectivity) or not isinstance(source, Attribute):
-            raise SceneError(f"{self.label}, attribute {name!r}: a JOIN needs both through=connectivity and source=attribute")
+            raise SceneError(
+                f"{self.label}, attribute {name!r}: a JOIN needs both through=connectivity and source=attribute"
+            )
         if through.source is not self:
             raise ConnectivityError(
                 f"{self.label}, attribute {name!r}: {through.path} starts at {through.source.path}, not here; a JOIN lives "

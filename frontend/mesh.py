@@ -43,7 +43,9 @@ class Mesh(Entity):
         """
         self.check_child_name(name, "a primitive")
         if not isinstance(num_instances, int | np.integer) or isinstance(num_instances, bool) or num_instances < 0:
-            raise SceneError(f"{self.label}, primitive {name!r}: num_instances must be an integer >= 0, got {num_instances!r}")
+            raise SceneError(
+                f"{self.label}, primitive {name!r}: num_instances must be an integer >= 0, got {num_instances!r}"
+            )
         if num_instances == 0 and not is_dynamic:
             raise SceneError(
                 f"{self.label}, primitive {name!r} has no instances; give num_instances >= 1, or is_dynamic=True if they "

@@ -46,11 +46,15 @@ class PrimitiveBase(Entity):
         """
         self.check_child_name(name, "a connectivity")
         if not isinstance(target, PrimitiveBase):
-            raise ConnectivityError(f"{self.label}, connectivity {name!r}: the target must be a primitive, got {target!r}")
+            raise ConnectivityError(
+                f"{self.label}, connectivity {name!r}: the target must be a primitive, got {target!r}"
+            )
         if target.scene is not self.scene:
             raise ConnectivityError(f"{self.label}, connectivity {name!r}: {target.label} belongs to another scene")
         if not isinstance(arity, int | np.integer) or isinstance(arity, bool) or arity < 1:
-            raise ConnectivityError(f"{self.label}, connectivity {name!r}: arity must be a positive integer, got {arity!r}")
+            raise ConnectivityError(
+                f"{self.label}, connectivity {name!r}: arity must be a positive integer, got {arity!r}"
+            )
         connectivity = Connectivity(name, self, target, indices, int(arity))
         if self.is_dynamic and len(connectivity.indices) != self.num_instances:
             if any(len(other.indices) for other in self.connectivities.values()):
@@ -100,33 +104,36 @@ class Primitive(PrimitiveBase):
         for name, value in parts.items():
             if name in self.connectivities:
                 connectivity = self.connectivities[name]
-                indices[connectivity] = connectivity._checked(value)  # noqa: SLF001
+                indices[connectivity] = connectivity._checked(value)
                 counts[name] = len(indices[connectivity])
             elif name in self.attributes and isinstance(self.attributes[name].node, Stored):
                 attribute = self.attributes[name]
                 array = checked_numbers(value, attribute.path)
                 size = attribute.shape[0] * attribute.shape[1]
                 if array.size % size:
-                    raise DataError(f"{attribute.path} is {spell(attribute.shape)}: {array.size} numbers don't fill instances")
+                    raise DataError(
+                        f"{attribute.path} is {spell(attribute.shape)}: {array.size} numbers don't fill instances"
+                    )
                 node = attribute.node
                 assert isinstance(node, Stored)
                 numbers[node] = array.reshape(-1, *attribute.shape).copy()
                 counts[name] = len(numbers[node])
             else:
                 known = [*self.connectivities, *(n for n, a in self.attributes.items() if isinstance(a.node, Stored))]
-                raise SceneError(f"{self.label} has no connectivity or stored attribute {name!r}; it has {', '.join(known)}")
+                raise SceneError(
+                    f"{self.label} has no connectivity or stored attribute {name!r}; it has {', '.join(known)}"
+                )
         wanted = set(counts.values()) if self.is_dynamic else {*counts.values(), self.num_instances}
         if len(wanted) > 1:
             listed = ", ".join(f"{name}: {count}" for name, count in counts.items())
             raise DataError(f"{self.label}: all parts need the same number of instances, got {listed}")
         for connectivity, checked in indices.items():
-            connectivity._replace(checked)  # noqa: SLF001
+            connectivity._replace(checked)
         for node, array in numbers.items():
             node.array = array
         if wanted and self.is_dynamic:
             self.set_num_instances(wanted.pop())
         self.scene.arrays_moved()
-        self.scene.values_changed()
 
     def check_consistent(self) -> None:
         """Raises DataError if data or connectivities don't match the current number of instances."""

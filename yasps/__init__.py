@@ -1,1 +1,59 @@
-"""yasps: a compiler for physical simulation."""
+"""yasps: a compiler for physical simulation.
+
+Describe a scene - primitives, connectivities, attributes, energies - and the compiler derives gradients, positive
+semi-definite Hessians, the sparsity of the global system and fast kernels, and solves the Newton system.
+"""
+
+from yasps.frontend.attribute import Attribute, ComputedValue, concat_cols, concat_rows, constant, identity, zeros
+from yasps.frontend.connectivity import Connectivity
+from yasps.frontend.errors import (
+    ConnectivityError,
+    DataError,
+    LineageError,
+    NameTakenError,
+    NotConvergedError,
+    NotFiniteError,
+    SceneError,
+    ShapeMismatchError,
+    YaspsError,
+)
+from yasps.frontend.mesh import Mesh
+from yasps.frontend.primitive import Primitive, PrimitiveUnion
+from yasps.frontend.scene import Scene, Solution, add_scene, scene
+
+addScene = add_scene  # noqa: N816 - the paper's spelling
+concatRows = concat_rows  # noqa: N816
+concatCols = concat_cols  # noqa: N816
+
+__version__ = "0.1.0"
+
+__all__ = [
+    "Attribute",
+    "ComputedValue",
+    "Connectivity",
+    "ConnectivityError",
+    "DataError",
+    "LineageError",
+    "Mesh",
+    "NameTakenError",
+    "NotConvergedError",
+    "NotFiniteError",
+    "Primitive",
+    "PrimitiveUnion",
+    "Scene",
+    "SceneError",
+    "ShapeMismatchError",
+    "Solution",
+    "YaspsError",
+    "__version__",
+    "addScene",
+    "add_scene",
+    "concatCols",
+    "concatRows",
+    "concat_cols",
+    "concat_rows",
+    "constant",
+    "identity",
+    "scene",
+    "zeros",
+]

@@ -1,0 +1,278 @@
+"""Scenes: the global scope of a simulation (paper, 4.1, 4.7, 4.8)."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from yasps.dialects.mat import spell
+from yasps.dialects.rel import PROJECTIONS
+from yasps.frontend.attribute import Attribute, FloatArray, Stored
+from yasps.frontend.compiled_scene import CompiledScene, CompileReport
+from yasps.frontend.emit import EnergyTerm
+from yasps.frontend.entity import Entity
+from yasps.frontend.errors import NotConvergedError, SceneError, ShapeMismatchError
+from yasps.frontend.mesh import Mesh
+from yasps.frontend.spelling import both_spellings
+from yasps.runtime.library import Runtime, load_runtime
+from yasps.runtime.solver import SolveReport
+from yasps.runtime.toolchain import find_compiler
+
+if TYPE_CHECKING:
+    from yasps.frontend.connectivity import Connectivity
+    from yasps.frontend.primitive import PrimitiveBase
+
+
+@dataclass(frozen=True)
+class Solution:
+    """x of H x = g: one flat array for each minimisation target, in their order, and how the solver ended.
+
+    The Newton step is -x. Look at `report.converged`.
+    """
+
+    directions: list[FloatArray]
+    gradient: list[FloatArray]
+    report: SolveReport
+
+
+@both_spellings
+class Scene(Entity):
+    """Meshes, attributes, energies and minimisation targets, and what the compiler makes of them.
+
+    device: "cpu". threads: of the runtime; default one for each processor. Nothing is global: scenes of the same name
+    live side by side.
+    """
+
+    kind = "scene"
+
+    def __init__(self, name: str, *, device: str = "cpu", threads: int | None = None) -> None:
+        super().__init__("scene", None)
+        self.name = self.check_name(name, "a scene")
+        if device != "cpu":
+            raise SceneError(f"device={device!r}: this version runs on the CPU only; leave device out")
+        if threads is not None and threads < 1:
+            raise SceneError(f"threads={threads}: at least one is needed")
+        self._threads = threads
+        self._energies: list[EnergyTerm] = []
+        self._targets: list[Attribute] = []
+        self._runtime: Runtime | None = None
+        self._compiled: CompiledScene | None = None
+        self._outputs: dict[Attribute, CompiledScene] = {}
+
+    @property
+    def scene(self) -> Scene:
+        """Itself."""
+        return self
+
+    @property
+    def num_instances(self) -> int:
+        """A scene is one instance of itself."""
+        return 1
+
+    @property
+    def path(self) -> str:
+        """Empty: names inside a scene don't repeat the scene's."""
+        return ""
+
+    @property
+    def label(self) -> str:
+        """Name for messages."""
+        return f"scene {self.name}"
+
+    @property
+    def energies(self) -> tuple[Attribute, ...]:
+        """Registered energies, in order."""
+        return tuple(term.attribute for term in self._energies)
+
+    @property
+    def minimize_targets(self) -> tuple[Attribute, ...]:
+        """Minimisation targets, in order."""
+        return tuple(self._targets)
+
+    # -- construction --------------------------------------------------------------------------------------
+
+    def add_mesh(self, name: str) -> Mesh:
+        """Adds a mesh; reached as `scene.name` afterwards. Raises NameTakenError."""
+        self.check_child_name(name, "a mesh")
+        if name == self.name:
+            name_error = f"{name!r} can't name a mesh: it is the scene's name"
+            raise SceneError(name_error)
+        mesh = Mesh(name, self)
+        self._children[name] = mesh
+        return mesh
+
+    def add_energy(
+        self, attribute: Attribute, dynamic_instances: bool | None = None, projection: str = "clamp"
+    ) -> None:
+        """Registers a 1x1 attribute as a term of the energy: the sum over its instances is minimised (paper, 4.7).
+
+        dynamic_instances: may the instances change from solve to solve? Default: as the primitive says.
+        projection: what is done to negative eigenvalues of the local Hessians: "clamp" to 0, "abs"olute value, "none".
+
+        Raises ShapeMismatchError if it isn't 1x1; SceneError for another scene's attribute, one registered before, one
+        without an owner, a static energy on a dynamic primitive.
+        """
+        self._check_own(attribute, "an energy")
+        if attribute.shape != (1, 1):
+            raise ShapeMismatchError(
+                f"an energy is 1x1 on every instance, but {attribute.path} is {spell(attribute.shape)}; reduce it, e.g. by "
+                "dot, sum or norm"
+            )
+        if projection not in PROJECTIONS:
+            raise SceneError(f"projection must be one of {', '.join(PROJECTIONS)}, got {projection!r}")
+        if any(term.attribute is attribute for term in self._energies):
+            raise SceneError(f"{attribute.path} is an energy of this scene already")
+        assert attribute.owner is not None
+        if dynamic_instances is None:
+            dynamic_instances = attribute.owner.is_dynamic
+        if attribute.owner.is_dynamic and not dynamic_instances:
+            raise SceneError(
+                f"{attribute.path} lives on the dynamic {attribute.owner.label}: register it with dynamic_instances=True"
+            )
+        self._energies.append(EnergyTerm(attribute, projection, bool(dynamic_instances)))
+        self.structure_changed()
+
+    def add_minimize_target(self, targets: Attribute | Sequence[Attribute]) -> None:
+        """Adds stored variables that energies are minimised over (paper, 4.7); results come in this order.
+
+        Raises SceneError for computed attributes, constants, other scenes' attributes and repeated ones; nothing is added
+        then.
+        """
+        listed = [targets] if isinstance(targets, Attribute) else list(targets)
+        for k, target in enumerate(listed):
+            self._check_own(target, "a minimisation target")
+            if not isinstance(target.node, Stored):
+                raise SceneError(
+                    f"{target.path} is computed; a minimisation target must be stored (add_attribute with rows and cols): "
+                    "minimise over what it is computed from"
+                )
+            if target.node.constant:
+                raise SceneError(f"{target.path} was made by add_constant and never takes part in differentiation")
+            if any(target is known for known in (*self._targets, *listed[:k])):
+                raise SceneError(f"{target.path} is a minimisation target already")
+        self._targets.extend(listed)
+        self.structure_changed()
+
+    def _check_own(self, attribute: Attribute, what: str) -> None:
+        if not isinstance(attribute, Attribute):
+            raise SceneError(f"{what} must be an attribute, got {attribute!r}")
+        if attribute.owner is None:
+            raise SceneError(f"{what} must live on a primitive, mesh or the scene; a number alone does not")
+        if attribute.owner.scene is not self:
+            raise SceneError(f"{attribute.path} belongs to scene {attribute.owner.scene.name!r}, not to {self.name!r}")
+
+    # -- results -------------------------------------------------------------------------------------------
+
+    def minimize_energy(self, tolerance: float = 1e-4, max_iterations: int = 10_000) -> list[FloatArray]:
+        """x of H x = g, one flat array for each target (paper, 4.8); the Newton step is the *negative*: -x.
+
+        g is the gradient of all energies, H their projected Hessian. tolerance: relative, on the squared preconditioned
+        norm of the residual, r^T M^-1 r <= tolerance g^T M^-1 g.
+
+        Raises NotConvergedError if the solver stops before that, NotFiniteError, SceneError without energies or targets.
+        """
+        solution = self.solve(tolerance, max_iterations)
+        if not solution.report.converged:
+            raise NotConvergedError(
+                f"the linear solver stopped: {solution.report}. Raise max_iterations or tolerance, or use solve() to take the "
+                "result as it is"
+            )
+        return solution.directions
+
+    def solve(self, tolerance: float = 1e-4, max_iterations: int = 10_000) -> Solution:
+        """As `minimize_energy`, with gradient and solver's report, and without raising when it did not converge."""
+        compiled = self.compile()
+        x, gradient, report = compiled.solve(tolerance, max_iterations)
+        return Solution(compiled.split(x), compiled.split(gradient), report)
+
+    def gradient(self) -> list[FloatArray]:
+        """Gradient of all energies, one flat array for each target."""
+        compiled = self.compile()
+        return compiled.split(compiled.assemble(hessian=False))
+
+    def total_energy(self) -> float:
+        """Sum of all energies over all their instances; infinite or NaN where one is."""
+        return self.compile(need_targets=False).total_energy()
+
+    def energy_values(self) -> dict[str, FloatArray]:
+        """Each energy on every instance, by its path."""
+        return self.compile(need_targets=False).energies()
+
+    def compile(self, *, need_targets: bool = True) -> CompiledScene:
+        """Compiles the scene now (it happens by itself when needed) and returns the compiled scene.
+
+        Raises SceneError without energies (or, unless told otherwise, targets), CompilerNotFoundError.
+        """
+        if not self._energies:
+            raise SceneError(f"{self.label} has no energy yet: add_energy(attribute) first")
+        if need_targets and not self._targets:
+            raise SceneError(f"{self.label} has no minimisation target yet: add_minimize_target(attribute) first")
+        if self._compiled is None:
+            self._compiled = CompiledScene(
+                self.name, self._energies, self._targets, [], self.runtime, self._dump_folder()
+            )
+        return self._compiled
+
+    @property
+    def compile_report(self) -> CompileReport:
+        """What compiling the scene took; compiles if needed."""
+        return self.compile().report
+
+    @property
+    def runtime(self) -> Runtime:
+        """The solver runtime; compiled and loaded on first use."""
+        if self._runtime is None:
+            self._runtime = load_runtime(find_compiler(), self._threads)
+        return self._runtime
+
+    def evaluate(self, attribute: Attribute) -> FloatArray:
+        """Values of an attribute on all instances, [instances, rows, columns]; see `Attribute.compute`."""
+        if attribute not in self._outputs:
+            self._outputs[attribute] = CompiledScene(self.name, [], [], [attribute], self.runtime, None)
+        return self._outputs[attribute].evaluate(attribute)
+
+    def dump_ir(self, folder: str | Path) -> None:
+        """Compiles the scene once more and writes the IR after every pass and the generated sources into the folder."""
+        self.compile()
+        CompiledScene(self.name, self._energies, self._targets, [], self.runtime, Path(folder))
+
+    def _dump_folder(self) -> Path | None:
+        setting = os.environ.get("YASPS_DUMP_IR")
+        return Path(setting) / self.name if setting else None
+
+    # -- what changed --------------------------------------------------------------------------------------
+
+    def _all_compiled(self) -> list[CompiledScene]:
+        return [*([self._compiled] if self._compiled is not None else []), *self._outputs.values()]
+
+    def structure_changed(self) -> None:
+        """The next result needs a new compile of the energies."""
+        self._compiled = None
+
+    def arrays_moved(self) -> None:
+        """Some array was replaced by another."""
+        for compiled in self._all_compiled():
+            compiled.arrays_moved()
+
+    def connectivity_changed(self, connectivity: Connectivity) -> None:
+        """Indices changed: derivatives go elsewhere."""
+        for compiled in self._all_compiled():
+            compiled.connectivity_changed(connectivity.source.is_dynamic)
+
+    def size_changed(self, primitive: PrimitiveBase) -> None:
+        """A dynamic primitive has another number of instances."""
+        del primitive
+        for compiled in self._all_compiled():
+            compiled.connectivity_changed(dynamic=True)
+
+
+scene = Scene
+"""The paper's spelling: `from yasps import scene; s0 = scene("scene0")`."""
+
+
+def add_scene(name: str) -> Scene:
+    """A new scene (paper, table 4)."""
+    return Scene(name)
