@@ -1,8 +1,9 @@
 """The kernel of an energy's derivatives: gather, derive, project, pull back, scatter, 8 instances at a time.
 
-Local blocks go to the global matrix as they are made. A slot that is a target itself is written directly; any other is
-expanded by its source's `pull`, applied from the left to the block and, transposed, from the right: for two slots s and t
-J_s^T H_st J_t costs one call for each side, whatever parameterises them, so code grows linearly with their number.
+Local blocks go to the global matrix as they are made. A slot that is a target itself is written directly; any other
+is expanded by its source's `pull`, applied from the left to the block and, transposed, from the right: for two slots s
+and t, J_s^T H_st J_t costs one call for each side, whatever parameterises them, so code grows linearly with their
+number.
 """
 
 from __future__ import annotations
@@ -49,7 +50,7 @@ def derivative_body(text: _ObjectText, derivative: DerivativeOp) -> list[str]:
     ]
     if hessian is not None:
         lines.append("if (sink->blocks) {")
-        lines += [f"    {line}" for line in _hessian(text, terminator, names, slots, n, capacity)]
+        lines += [f"    {line}" for line in _hessian(text, terminator, names, slots, n=n, capacity=capacity)]
         lines.append("}")
     lines += _scatter_gradient(text, slots, capacity)
     return [
@@ -66,6 +67,7 @@ def _hessian(
     terminator: YieldDerivativeOp,
     names: dict[SSAValue, str],
     slots: list[Slot],
+    *,
     n: int,
     capacity: int,
 ) -> list[str]:
@@ -164,14 +166,17 @@ def _scatter_hessian(text: _ObjectText, slots: list[Slot], n: int, capacity: int
                 pair = _pair(capacity, str(kappa_at[s]), str(kappa_at[t]))
                 lines.append(f"        add_block(sink->blocks, position[{pair}], b, {first.size}, {second.size});")
             else:
-                lines += [f"        {line}" for line in _expand(text, slots, s, t, kappa_at, capacity)]
+                lines += [f"        {line}" for line in _expand(text, slots, (s, t), kappa_at, capacity)]
             lines.append("    }")
     lines.append("}")
     return lines
 
 
-def _expand(text: _ObjectText, slots: list[Slot], s: int, t: int, kappa_at: list[int], capacity: int) -> list[str]:
-    """J_s^T b J_t, one side at a time, and its blocks to their places."""
+def _expand(
+    text: _ObjectText, slots: list[Slot], pair: tuple[int, int], kappa_at: list[int], capacity: int
+) -> list[str]:
+    """J_s^T b J_t for a pair of slots (s, t), one side at a time, and its blocks to their places."""
+    s, t = pair
     first, second = slots[s], slots[t]
     if first.rows == 0 or second.rows == 0:
         return []

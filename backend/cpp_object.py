@@ -1,4 +1,4 @@
-"""One object of a compiled scene as one C++ file: gather, derive, project, pull back, scatter (architecture, section 5).
+"""One object of a compiled scene as one C++ file: gather, derive, project, pull back, scatter (architecture, 5).
 
 A file says nothing about the scene it is for: what it reads comes through `a`, an array of pointers filled when the
 program is loaded, and it calls other objects by the hash of their text. So equal energies of two meshes, or of two

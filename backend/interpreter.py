@@ -1,4 +1,4 @@
-"""The meaning of the IR in NumPy, at every level, for all instances at once: the reference that everything is tested by.
+"""The meaning of the IR in NumPy, at every level, for all instances at once: the reference everything is tested by.
 
 Derivatives of the whole scene are put together here by another way than the compiler's: the derivative of every
 attribute with respect to all unknowns is one sparse matrix, and Hessians are contracted with it.

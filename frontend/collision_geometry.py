@@ -20,11 +20,12 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from yasps.frontend.active_set import ActiveSet, Floats, Ids, read_collisions
+from yasps.frontend.errors import YaspsError
 
 _ROUNDING = 8 * float(np.finfo(np.float64).eps)
 
 
-class IntersectionError(ValueError):
+class IntersectionError(YaspsError, ValueError):
     """Surfaces cross or touch where they must be apart."""
 
 

@@ -273,13 +273,12 @@ class CompiledScene:
                 )
         return gradient
 
-    def solve(self, tolerance: float, max_iterations: int) -> tuple[FloatArray, FloatArray, SolveReport]:
-        """x of H x = g, g, and how the solver ended."""
-        gradient = self.assemble()
-        x, report = self._solver.solve(
-            [self.static_matrix, self.dynamic_matrix], gradient, tolerance=tolerance, max_iterations=max_iterations
-        )
-        return x, gradient, report
+    def solve_linear(
+        self, gradient: FloatArray, tolerance: float, max_iterations: int
+    ) -> tuple[FloatArray, SolveReport]:
+        """x of H x = gradient for the assembled Hessian, and how the solver ended."""
+        parts = [self.static_matrix, self.dynamic_matrix]
+        return self._solver.solve(parts, gradient, tolerance=tolerance, max_iterations=max_iterations)
 
     def split(self, stacked: FloatArray) -> list[FloatArray]:
         """A vector of all unknowns as one flat array for each target."""

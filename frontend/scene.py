@@ -185,7 +185,8 @@ class Scene(Entity):
     def solve(self, tolerance: float = 1e-4, max_iterations: int = 10_000) -> Solution:
         """As `minimize_energy`, with gradient and solver's report, and without raising when it did not converge."""
         compiled = self.compile()
-        x, gradient, report = compiled.solve(tolerance, max_iterations)
+        gradient = compiled.assemble()
+        x, report = compiled.solve_linear(gradient, tolerance, max_iterations)
         return Solution(compiled.split(x), compiled.split(gradient), report)
 
     def gradient(self) -> list[FloatArray]:

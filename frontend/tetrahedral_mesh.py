@@ -10,6 +10,8 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial.transform import Rotation
 
+from yasps.frontend.errors import YaspsError
+
 Float64Array = npt.NDArray[np.float64]
 Int32Array = npt.NDArray[np.int32]
 Vector = Sequence[float] | Float64Array
@@ -23,7 +25,7 @@ TET_EDGES = np.array([[0, 1], [0, 2], [0, 3], [1, 2], [1, 3], [2, 3]])
 FLATNESS_LIMIT = 1e-12
 
 
-class MeshError(ValueError):
+class MeshError(YaspsError, ValueError):
     """A mesh, or a file that should hold one, is not what its use requires."""
 
 

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import cast
-
 from xdsl.ir import Block, Operation, SSAValue
 
 from yasps.dialects.mat import MatBuilder, MatOp
@@ -21,7 +19,7 @@ class BodyBuilder(MatBuilder):
         """The value of an equal read in this body."""
         key = (type(op), op.result.type, *sorted(op.properties.items(), key=lambda item: item[0]))
         if key not in self._reads:
-            copy = cast(ReadOp, op.clone())
+            copy = op.clone()
             copy.result.name_hint = op.result.name_hint
             self.append(copy)
             self._reads[key] = copy.result

@@ -142,9 +142,9 @@ class _Differentiation:
         dependence = DependenceMap(b.body, inputs)
         if dependence[value] is Dependence.NONLINEAR:
             raise CompileError(
-                f"'{name}' depends nonlinearly on the minimisation targets. This version takes joins and unions only of "
-                "attributes that are affine in the targets (free vertices, affine bodies, cages); write the nonlinear "
-                "part inside the energy."
+                f"'{name}' depends nonlinearly on the minimisation targets. This version takes joins and unions only "
+                "of attributes that are affine in the targets (free vertices, affine bodies, cages); write the "
+                "nonlinear part inside the energy."
             )
         b.append(YieldJacobianOp(jacobian(b, [value], inputs), inputs))
         self._jacobians[name] = JacobianOp(f"{name}.jacobian", symbol(attribute.symbol), attribute.owner, b.body)

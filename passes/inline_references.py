@@ -40,7 +40,7 @@ class InlineReferences(ModulePass):
             needed = _needed(container.body.block, attributes)
             for name, attribute in attributes.items():
                 if name not in needed:
-                    attribute.detach()
+                    block.detach_op(attribute)
                     attribute.erase()
 
 

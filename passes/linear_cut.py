@@ -9,6 +9,9 @@ from __future__ import annotations
 from collections.abc import Iterable
 from enum import Enum
 
+import numpy as np
+from scipy.sparse import csr_array
+from scipy.sparse.csgraph import breadth_first_order, maximum_flow
 from xdsl.ir import Block, SSAValue
 
 from yasps.dialects.mat import MatOp, shape_of
@@ -57,14 +60,38 @@ def size_of(value: SSAValue) -> int:
 
 
 def linear_cut(dependence: DependenceMap, inputs: list[SSAValue]) -> list[SSAValue]:
-    """The affine values an energy depends on nonlinearly, in order; the inputs themselves if those are not wider."""
-    used_nonlinearly: dict[SSAValue, None] = {}
+    """The smallest set of affine values through which the energy sees its inputs; the inputs if none is smaller.
+
+    A minimum vertex cut between the inputs and the operations that are not affine, each value weighing as many entries as
+    it has; of equal cuts the one nearest to the energy.
+    """
+    values: dict[SSAValue, int] = {}
+    edges: list[tuple[SSAValue, SSAValue]] = []
+    ends: dict[SSAValue, None] = {}
+    for value in inputs:
+        values[value] = len(values)
     for op in dependence.block.ops:
-        if isinstance(op, MatOp) and dependence[op.result] is Dependence.NONLINEAR:
-            for operand in op.operands:
-                if dependence[operand] is Dependence.AFFINE:
-                    used_nonlinearly[operand] = None
-    cut = list(used_nonlinearly)
-    if sum(size_of(v) for v in cut) < sum(size_of(v) for v in inputs):
-        return cut
-    return inputs
+        if not isinstance(op, MatOp):
+            continue
+        affine = [operand for operand in op.operands if dependence[operand] is Dependence.AFFINE]
+        if dependence[op.result] is Dependence.AFFINE:
+            values[op.result] = len(values)
+            edges += [(operand, op.result) for operand in affine]
+        elif dependence[op.result] is Dependence.NONLINEAR:
+            ends.update(dict.fromkeys(affine))
+    # Every value is an edge from node 2 k to node 2 k + 1, as heavy as it has entries.
+    source, sink = 2 * len(values), 2 * len(values) + 1
+    unbounded = sum(size_of(value) for value in values) + 1
+    arcs = [(2 * k, 2 * k + 1, size_of(value)) for value, k in values.items()]
+    arcs += [(2 * values[a] + 1, 2 * values[b], unbounded) for a, b in edges]
+    arcs += [(source, 2 * values[value], unbounded) for value in inputs]
+    arcs += [(2 * values[value] + 1, sink, unbounded) for value in ends]
+    rows, cols, weights = (np.array(column, np.int32) for column in zip(*arcs, strict=True))
+    graph = csr_array((weights, (rows, cols)), shape=(sink + 1, sink + 1))
+    flow = maximum_flow(graph, source, sink)
+    if flow.flow_value >= sum(size_of(value) for value in inputs):
+        return inputs
+    residual = csr_array(graph - flow.flow)
+    residual.eliminate_zeros()
+    reaches_sink = set(breadth_first_order(csr_array(residual.T), sink, return_predecessors=False).tolist())
+    return [value for value, k in values.items() if 2 * k not in reaches_sink and 2 * k + 1 in reaches_sink]

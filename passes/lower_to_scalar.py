@@ -1,7 +1,8 @@
 """`lower-to-scalar`: bodies become calls of straight-line scalar functions in `func`, `arith` and `math`.
 
 Zeros, identities and symmetry are exploited while the hash-consed scalar graph is built; of symmetric matrices only the
-upper triangle is asked for, so nothing else is computed. A body is cut in two at its projection, which is the runtime's.
+upper triangle is asked for, so nothing else is computed. A body is cut in two at its projection, which is the
+runtime's.
 """
 
 from __future__ import annotations
@@ -118,10 +119,11 @@ def _unpacked(upper: Sequence[Node], width: int) -> list[Node]:
     return [upper[start[min(i, j)] + max(i, j)] for i in range(width) for j in range(width)]
 
 
-def _function(name: str, graph: ScalarGraph, inputs: Sequence[Attribute], outputs: Sequence[Node]) -> func.FuncOp:
-    """Writes the nodes the outputs need as a `func.func` of these input types."""
+def _function(
+    name: str, graph: ScalarGraph, inputs: Sequence[Attribute], outputs: Sequence[Node], element: Attribute
+) -> func.FuncOp:
+    """Writes the nodes the outputs need as a `func.func` from these input types to `element`."""
     block = Block(arg_types=list(inputs))
-    element = inputs[0] if inputs else f64
     values: dict[Node, SSAValue] = {}
     for node in graph.reachable(outputs):
         kind, arguments = graph.kinds[node], [values[a] for a in graph.arguments[node]]
@@ -154,6 +156,7 @@ def _call(
     container: Container,
     b: BodyBuilder,
     name: str,
+    *,
     stage: _Stage,
     values: dict[SSAValue, SSAValue],
     outputs: Sequence[Sequence[Node]],
@@ -174,7 +177,7 @@ def _call(
             renumbered += size
         position += size
     types = [element] * renumbered
-    container.body.block.add_op(_function(name, graph, types, flat))
+    container.body.block.add_op(_function(name, graph, types, flat, element))
     result_shapes = shapes or [(len(part), 1) for part in outputs]
     call = ApplyOp(name, kept, [matrix_type(shape, element) for shape in result_shapes])
     b.append(call)
@@ -208,7 +211,8 @@ def _lower_attribute(container: Container, attribute: AttributeOp) -> None:
     type_ = cast(Matrix, terminator.value.type)
     outputs = [stage.entries(terminator.value)]
     shape = shape_of(terminator.value)
-    (value,) = _call(container, b, f"{attribute.symbol}.value", stage, values, outputs, type_.element_type, [shape])
+    name, element = f"{attribute.symbol}.value", type_.element_type
+    (value,) = _call(container, b, name, stage=stage, values=values, outputs=outputs, element=element, shapes=[shape])
     b.append(YieldOp(value))
     _replace_body(attribute, b.body)
 
@@ -225,10 +229,11 @@ def _lower_derivative(container: Container, derivative: DerivativeOp) -> None:
     symmetric = terminator.hessian if projection is None else projection.operands[0]
     if symmetric is not None:
         outputs.append(derive.upper(symmetric))
-    results = _call(container, b, f"{name}.derive", derive, values, outputs)
+    results = _call(container, b, f"{name}.derive", stage=derive, values=values, outputs=outputs)
     hessian = results[1] if symmetric is not None else None
     if projection is not None:
-        assert hessian is not None and terminator.hessian is not None
+        assert hessian is not None
+        assert terminator.hessian is not None
         width = shape_of(projection.result)[0]
         project = ProjectOp(hessian, width, projection.mode.data)
         b.append(project)
@@ -236,7 +241,8 @@ def _lower_derivative(container: Container, derivative: DerivativeOp) -> None:
         if terminator.hessian is not projection.result:
             pull.add_input(projection.result, width)
             values[projection.result] = hessian
-            (hessian,) = _call(container, b, f"{name}.pull_back", pull, values, [pull.upper(terminator.hessian)])
+            outputs = [pull.upper(terminator.hessian)]
+            (hessian,) = _call(container, b, f"{name}.pull_back", stage=pull, values=values, outputs=outputs)
     b.append(YieldDerivativeOp(results[0], hessian, [values[v] for v in terminator.wrt]))
     _replace_body(derivative, b.body)
 
@@ -257,6 +263,7 @@ def _lower_jacobian(container: Container, jacobian: JacobianOp) -> None:
     values[cotangent] = cotangent
     entries, v = stage.entries(terminator.jacobian), stage.entries(cotangent)
     outputs = [stage.graph.dot(entries[j::cols], v) for j in range(cols)]
-    (result,) = _call(container, b, f"{name_of_function(jacobian)}.pull_back", stage, values, [outputs])
+    name = f"{name_of_function(jacobian)}.pull_back"
+    (result,) = _call(container, b, name, stage=stage, values=values, outputs=[outputs])
     b.append(YieldJacobianOp(result, [values[value] for value in terminator.wrt]))
     _replace_body(jacobian, b.body)

@@ -54,13 +54,13 @@ def _outline(module: ModuleOp, scene: Container) -> None:
             declaration.add_region(AttributeOp(op.symbol, "", op.matrix_type, None).detach_region(0))
         elif isinstance(op, DerivativeOp | JacobianOp):
             definition = op
-            op.detach()
+            scene.body.block.detach_op(op)
         else:
             continue
         called = [name_of(call.function) for call in definition.walk() if isinstance(call, ApplyOp)]
         parts = [functions[name] for name in dict.fromkeys(called)]
         for part in parts:
-            part.detach()
+            scene.body.block.detach_op(part)
         symbol = op.symbol
         module.body.block.add_op(ObjectOp(f"{symbol}.object", [definition, *parts], entries[symbol]))
 

@@ -47,7 +47,8 @@ def run_pipeline(
 ) -> ModuleOp:
     """Runs every pass on the module, in place, and verifies after each.
 
-    `dump_to`: folder for `00-frontend.mlir`, `01-canonicalize.mlir`, ...; `after` is called with the name of each stage.
+    `dump_to`: folder for `00-frontend.mlir`, `01-canonicalize.mlir`, ...; `after` is called with each
+    stage's name and module.
     """
     stage = 0
 

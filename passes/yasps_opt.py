@@ -33,7 +33,7 @@ class YaspsOptMain(xDSLOptMain):
 
 def main(arguments: Sequence[str] | None = None) -> None:
     """Entry point of the command `yasps-opt`."""
-    YaspsOptMain(description="yasps IR: runs passes on textual IR", args=arguments).run()
+    YaspsOptMain(description="yasps IR: runs passes on textual IR", args=arguments).run()  # type: ignore[no-untyped-call]
 
 
 __all__ = ["UNIVERSE", "YaspsOptMain", "main"]

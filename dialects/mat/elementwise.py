@@ -34,7 +34,7 @@ class AddOp(MatOp):
         return b if is_zero(a) else a if is_zero(b) else None
 
     def evaluate(self, *inputs: Batch) -> Batch:
-        return cast(Batch, inputs[0] + inputs[1])
+        return inputs[0] + inputs[1]
 
     def is_linear(self, active: Sequence[bool]) -> bool:
         return True
@@ -64,7 +64,7 @@ class SubOp(MatOp):
         return self.operands[0] if is_zero(self.operands[1]) else None
 
     def evaluate(self, *inputs: Batch) -> Batch:
-        return cast(Batch, inputs[0] - inputs[1])
+        return inputs[0] - inputs[1]
 
     def is_linear(self, active: Sequence[bool]) -> bool:
         return True
@@ -98,7 +98,7 @@ class NegOp(MatOp):
         return producer.operands[0] if isinstance(producer, NegOp) else None
 
     def evaluate(self, *inputs: Batch) -> Batch:
-        return cast(Batch, -inputs[0])
+        return -inputs[0]
 
     def is_linear(self, active: Sequence[bool]) -> bool:
         return True
@@ -125,7 +125,7 @@ class HadamardOp(MatOp):
         return same_shapes("an entry-wise product", shapes)
 
     def evaluate(self, *inputs: Batch) -> Batch:
-        return cast(Batch, inputs[0] * inputs[1])
+        return inputs[0] * inputs[1]
 
     def is_linear(self, active: Sequence[bool]) -> bool:
         return sum(active) <= 1
@@ -163,7 +163,7 @@ class ScaleOp(MatOp):
         return factor if is_one(matrix) else None
 
     def evaluate(self, *inputs: Batch) -> Batch:
-        return cast(Batch, inputs[0] * inputs[1])
+        return inputs[0] * inputs[1]
 
     def is_linear(self, active: Sequence[bool]) -> bool:
         return sum(active) <= 1

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING, ClassVar, cast
 
 import numpy as np
-from xdsl.dialects.builtin import DenseArrayBase, DenseIntOrFPElementsAttr
+from xdsl.dialects.builtin import DenseArrayBase, DenseIntOrFPElementsAttr, Float64Type, IntegerType
 from xdsl.ir import Attribute, SSAValue
 from xdsl.irdl import irdl_op_definition, prop_def
 
@@ -28,8 +28,8 @@ if TYPE_CHECKING:
 
 
 def _integers(properties: dict[str, Attribute], name: str) -> tuple[int, ...]:
-    attribute = cast("DenseArrayBase[Attribute]", properties[name])
-    return tuple(int(cast(int, v)) for v in attribute.get_values())
+    attribute = cast("DenseArrayBase[IntegerType]", properties[name])
+    return tuple(int(v) for v in attribute.get_values())
 
 
 @irdl_op_definition
@@ -42,7 +42,7 @@ class ConstantOp(MatOp):
 
     @classmethod
     def infer(cls, shapes: Sequence[Shape], properties: dict[str, Attribute]) -> Shape:
-        type_ = cast("DenseIntOrFPElementsAttr[Attribute]", properties["value"]).type
+        type_ = cast("DenseIntOrFPElementsAttr[Float64Type | IntegerType]", properties["value"]).type
         rows, cols = type_.get_shape()
         return rows, cols
 
@@ -152,7 +152,8 @@ class BlockOp(MatOp):
         row, col, rows, cols = _integers(properties, "block")
         if row < 0 or col < 0 or rows < 1 or cols < 1 or row + rows > shapes[0][0] or col + cols > shapes[0][1]:
             raise ShapeError(
-                f"rows {row}..{row + rows - 1}, columns {col}..{col + cols - 1} are not inside a {spell(shapes[0])} matrix"
+                f"rows {row}..{row + rows - 1}, columns {col}..{col + cols - 1} are not inside a {spell(shapes[0])} "
+                "matrix"
             )
         return rows, cols
 
@@ -312,7 +313,7 @@ class ConcatColsOp(_ConcatOp):
     AXIS: ClassVar = 1
 
     def lower(self, s: ScalarGraph, *inputs: Sequence[Node]) -> list[Node]:
-        entries = []
+        entries: list[Node] = []
         for i in range(shape_of(self.result)[0]):
             for operand, part in zip(self.operands, inputs, strict=True):
                 cols = shape_of(operand)[1]

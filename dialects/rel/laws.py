@@ -103,8 +103,8 @@ def _verify_body(scope: Scope, op: decl.AttributeOp | decl.DerivativeOp | decl.J
             owner, type_ = scope.owner_and_type(name, user)
             if owner not in lineage:
                 raise VerifyException(
-                    f"{user} lives on @{lineage[0]} and reads @{name} of @{owner}: attributes of different lineages meet "
-                    "only through a JOIN or a UNION"
+                    f"{user} lives on @{lineage[0]} and reads @{name} of @{owner}: attributes of different lineages "
+                    "meet only through a JOIN or a UNION"
                 )
             _same_type(user, name, type_, inner.matrix_type)
         elif isinstance(inner, body_ops.JoinOp):
@@ -134,7 +134,8 @@ def _verify_join(scope: Scope, user: str, owner: str, op: body_ops.JoinOp) -> No
     source_owner, type_ = scope.owner_and_type(name_of(op.source), user)
     if source_owner != name_of(connectivity.target):
         raise VerifyException(
-            f"{user} joins @{name_of(op.source)} of @{source_owner} through @{name}, which leads to {connectivity.target}"
+            f"{user} joins @{name_of(op.source)} of @{source_owner} through @{name}, which leads to "
+            f"{connectivity.target}"
         )
     rows, cols = type_.get_shape()
     arity = connectivity.arity.value.data

@@ -1,0 +1,158 @@
+"""Intersection-free contact: IPC barrier energies over the vertices of a scene, whatever parameterises them.
+
+The energies are written once, over a primitive union of vertices; JOIN and UNION carry their derivatives to free vertices,
+affine bodies or anything else. Collision geometry (which pairs are close, how far a step may go) is ipctk's.
+
+Li et al. 2020; paper, section 4.6.3 and eq. 8. Distances enter squared.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+
+from numpy.typing import ArrayLike
+
+from yasps.frontend.active_set import ActiveSet, MollifiedPairs
+from yasps.frontend.attribute import Attribute, FloatArray
+from yasps.frontend.collision_geometry import Candidates, CollisionGeometry
+from yasps.frontend.errors import SceneError
+from yasps.frontend.mesh import Mesh
+from yasps.frontend.primitive import Primitive, PrimitiveBase
+
+
+def barrier(squared_distance: Attribute, squared_reach: Attribute, stiffness: Attribute) -> Attribute:
+    """kappa (D - H)^2 log(D / H)^2 of a squared distance 0 < D < H = d_hat^2 (paper, eq. 8).
+
+    It grows without bound as D goes to 0 and reaches 0 at H with three continuous derivatives. stiffness [J/m^4].
+    """
+    gap = squared_distance - squared_reach
+    ratio = (squared_distance / squared_reach).log()
+    return stiffness * gap * gap * ratio * ratio
+
+
+def squared_point_point(x: Attribute) -> Attribute:
+    """Squared distance of points 0 and 1."""
+    offset = x.row(1) - x.row(0)
+    return offset.dot(offset)
+
+
+def squared_point_line(x: Attribute) -> Attribute:
+    """Squared distance of point 0 and the line through 1 and 2."""
+    first, second = x.row(1) - x.row(0), x.row(2) - x.row(0)
+    area, edge = first.cross(second), second - first
+    return area.dot(area) / edge.dot(edge)
+
+
+def squared_point_plane(x: Attribute) -> Attribute:
+    """Squared distance of point 0 and the plane through 1, 2 and 3."""
+    offset, first, second = x.row(0) - x.row(1), x.row(2) - x.row(1), x.row(3) - x.row(1)
+    normal = first.cross(second)
+    height = offset.dot(normal)
+    return height * height / normal.dot(normal)
+
+
+def squared_line_line(x: Attribute) -> Attribute:
+    """Squared distance of the line through 0 and 1 and the line through 2 and 3."""
+    offset, first, second = x.row(2) - x.row(0), x.row(1) - x.row(0), x.row(3) - x.row(2)
+    normal = first.cross(second)
+    height = offset.dot(normal)
+    return height * height / normal.dot(normal)
+
+
+def mollifier(first: Attribute, second: Attribute, threshold: Attribute) -> Attribute:
+    """(c/e) (2 - c/e) with c = |u x v|^2 < e: takes the barrier of two edges to 0 as they become parallel.
+
+    Li et al. 2020, eq. 24. threshold e = 1e-3 |U|^2 |V|^2 of the edges at rest.
+    """
+    normal = first.cross(second)
+    ratio = normal.dot(normal) / threshold
+    return ratio * (2 - ratio)
+
+
+@dataclass(frozen=True)
+class _Kind:
+    """One kind of close pair: how many vertices, their distance, and for mollified edges which vertices they join."""
+
+    arity: int
+    squared_distance: Callable[[Attribute], Attribute]
+    edges: tuple[tuple[int, int], tuple[int, int]] | None = None
+
+
+KINDS: dict[str, _Kind] = {
+    "point_point": _Kind(2, squared_point_point),
+    "point_edge": _Kind(3, squared_point_line),
+    "point_triangle": _Kind(4, squared_point_plane),
+    "edge_edge": _Kind(4, squared_line_line),
+    "mollified_edge_edge": _Kind(4, squared_line_line, ((0, 1), (2, 3))),
+    "mollified_point_edge": _Kind(4, squared_point_line, ((0, 3), (1, 2))),
+    "mollified_point_point": _Kind(4, squared_point_point, ((0, 2), (1, 3))),
+}
+
+
+class BarrierContact:
+    """Contact of a scene's surface with itself: one dynamic primitive and one energy for each kind of close pair.
+
+    mesh: where the primitives are added (and its constants `squared_reach` [m^2] and `stiffness` [J/m^4]).
+    vertices: a primitive or union with a 3x1 attribute `position`. triangles: [m, 3] into it, the whole surface.
+    activation_distance: pairs closer than this repel [m]. stiffness [J/m^4]: kappa of eq. 8.
+    fixed: [n] bool, vertices that never move. objects: name -> number of vertices in order, for messages.
+
+    Raises SceneError, DataError, IntersectionError (if surfaces intersect now), ValueError for wrong shapes.
+    """
+
+    def __init__(
+        self,
+        mesh: Mesh,
+        vertices: PrimitiveBase,
+        triangles: ArrayLike,
+        *,
+        activation_distance: float,
+        stiffness: float,
+        fixed: ArrayLike | None = None,
+        objects: Mapping[str, int] | None = None,
+        projection: str = "clamp",
+    ) -> None:
+        if not stiffness > 0:
+            raise SceneError(f"contact stiffness must be positive, got {stiffness} J/m^4")
+        self.position = vertices["position"]
+        if self.position.shape != (3, 1):
+            raise SceneError(f"contact needs 3x1 positions, but {self.position.path} is {self.position.shape}")
+        positions = self.positions()
+        self.geometry = CollisionGeometry(positions, triangles, activation_distance, fixed=fixed, objects=objects)
+        self.geometry.check_intersection_free(positions)
+        reach = mesh.add_constant("squared_reach", 1, 1, value=activation_distance**2)
+        kappa = mesh.add_constant("stiffness", 1, 1, value=stiffness)
+        self.primitives: dict[str, Primitive] = {}
+        for name, kind in KINDS.items():
+            primitive = mesh.add_primitive(name, 0, is_dynamic=True)
+            pairs = primitive.add_connectivity("vertices", vertices, [], kind.arity)
+            x = primitive.add_attribute("positions", through=pairs, source=self.position)
+            weight = primitive.add_constant("weight", 1, 1)
+            energy = weight * barrier(kind.squared_distance(x), reach, kappa)
+            if kind.edges is not None:
+                threshold = primitive.add_constant("threshold", 1, 1)
+                (a, b), (c, d) = kind.edges
+                energy = energy * mollifier(x.row(b) - x.row(a), x.row(d) - x.row(c), threshold)
+            mesh.scene.add_energy(primitive.add_attribute("barrier", computed_attribute=energy), projection=projection)
+            self.primitives[name] = primitive
+        self.active = self.geometry.active_set(positions)
+        self._apply(self.active)
+
+    def positions(self) -> FloatArray:
+        """Current positions of all vertices, [n, 3]."""
+        return self.position.compute().array.reshape(-1, 3)
+
+    def update(self, positions: FloatArray | None = None, candidates: Candidates | None = None) -> ActiveSet:
+        """Finds the close pairs at the current positions and gives them to the scene."""
+        where = self.positions() if positions is None else positions
+        self.active = self.geometry.active_set(where, candidates)
+        self._apply(self.active)
+        return self.active
+
+    def _apply(self, active: ActiveSet) -> None:
+        for name, pairs in active.kinds().items():
+            parts = {"vertices": pairs.vertices, "weight": pairs.weight}
+            if isinstance(pairs, MollifiedPairs):
+                parts["threshold"] = pairs.threshold
+            self.primitives[name].update(**parts)
