@@ -34,9 +34,11 @@ from yasps.frontend.vtkhdf import VtkHdfSeries
 
 GRAVITY = 9.8  # m/s^2
 DENSITY = 1000.0  # kg/m^3
-SOFT_YOUNGS_MODULUS, SOFT_POISSON_RATIO = 5e4, 0.4  # Pa
+SOFT_YOUNGS_MODULUS, SOFT_POISSON_RATIO = 2e4, 0.4  # Pa
 STIFF_YOUNGS_MODULUS = 1e7  # Pa
+CONTACT_STIFFNESS = 1e10  # J/m^4
 SIZE = 0.2  # m, height of a rabbit
+FRAMES_PER_PICTURE = 3  # 100 steps of 0.01 s in a second, about 33 pictures
 
 
 @dataclass(frozen=True)
@@ -145,7 +147,7 @@ def two_bunnies(
         union,
         np.concatenate(triangles),
         activation_distance=5e-3 * SIZE,
-        stiffness=1e13,
+        stiffness=CONTACT_STIFFNESS,
         fixed=fixed,
         objects={"soft rabbit": len(soft.vertices), "stiff rabbit": len(stiff.vertices), "ground": len(floor.vertices)},
     )
@@ -200,7 +202,7 @@ class Recorder:
             Surface("stiff", stiff.vertices, stiff.surface_triangles(), DARK_PINK),
         ]
         top = stiff.vertices[:, 2].max()
-        bounds = np.array([[-0.8 * top, -0.8 * top, 0.0], [0.8 * top, 0.8 * top, top]])
+        bounds = np.array([[-1.2 * SIZE, -1.5 * SIZE, 0.0], [1.8 * SIZE, 1.5 * SIZE, top]])  # of the whole motion
         self.pictures = FramePictures(surfaces, ground_height=0.0, bounds=bounds, window_size=(960, 720))
         self.animation = Animation(self.folder / "two_bunnies.mp4")
 
@@ -212,7 +214,8 @@ class Recorder:
         if self.pictures is not None and self.animation is not None:
             self.pictures.move("soft", positions[example.soft_vertices])
             self.pictures.move("stiff", positions[example.stiff_vertices])
-            self.animation.add(self.pictures.image())
+            if (self.series.number_of_frames - 1) % FRAMES_PER_PICTURE == 0:
+                self.animation.add(self.pictures.image())
 
     def close(self) -> list[Path]:
         """Finishes all files; returns what was written."""

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import operator
 import sys
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NoReturn
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -15,15 +17,16 @@ from xdsl.ir import Attribute as IrAttribute
 
 from yasps.dialects.mat import MatOp, Shape, ShapeError, algebra, calculus, elementwise, matrix_type, spell, structure
 from yasps.dialects.mat.base import dense
-from yasps.frontend.errors import DataError, LineageError, SceneError, ShapeMismatchError
+from yasps.frontend.errors import DataError, LineageError, SceneError, ShapeMismatchError, YaspsError
 from yasps.frontend.spelling import both_spellings
 
 if TYPE_CHECKING:
+    from yasps.frontend.compiled_scene import CompiledScene
     from yasps.frontend.connectivity import Connectivity
     from yasps.frontend.entity import Entity
 
 FloatArray = NDArray[np.float64]
-_PACKAGE = str(Path(__file__).resolve().parent.parent)
+_FRONTEND = Path(__file__).resolve().parent
 
 
 @dataclass(frozen=True)
@@ -37,10 +40,15 @@ class Location:
         return f"{self.file}:{self.line}"
 
 
+@cache
+def _is_ours(file: str) -> bool:
+    return Path(file).resolve().parent == _FRONTEND
+
+
 def user_location() -> Location:
-    """The innermost line outside yasps on the call stack."""
+    """The innermost line outside the frontend on the call stack; examples count as users."""
     frame = sys._getframe(1)
-    while frame.f_back is not None and str(Path(frame.f_code.co_filename).resolve()).startswith(_PACKAGE):
+    while frame.f_back is not None and _is_ours(frame.f_code.co_filename):
         frame = frame.f_back
     return Location(frame.f_code.co_filename, frame.f_lineno)
 
@@ -84,6 +92,24 @@ class Computed:
     properties: tuple[tuple[str, IrAttribute], ...]
 
 
+Node = Stored | Joined | United | Named | Computed
+
+
+def operands_of(node: Node) -> tuple[Attribute, ...]:
+    """The attributes that this one is computed from directly."""
+    match node:
+        case Stored():
+            return ()
+        case Joined():
+            return (node.source,)
+        case United():
+            return node.members
+        case Named():
+            return (node.expression,)
+        case Computed():
+            return node.operands
+
+
 @dataclass(frozen=True)
 class ComputedValue:
     """Numbers of an attribute. `value`: flat, as the paper has it; `array`: [instances, rows, columns]."""
@@ -111,7 +137,7 @@ class Attribute:
         self,
         owner: Entity | None,
         shape: Shape,
-        node: Stored | Joined | United | Named | Computed,
+        node: Node,
         name: str | None = None,
     ) -> None:
         self._owner = owner
@@ -119,6 +145,8 @@ class Attribute:
         self._node = node
         self._name = name
         self._where = user_location()
+        self.evaluator: CompiledScene | None = None
+        """What `compute()` compiled; it lives as long as the attribute does."""
 
     # -- what it is ----------------------------------------------------------------------------------------
 
@@ -138,7 +166,7 @@ class Attribute:
         return self._name
 
     @property
-    def node(self) -> Stored | Joined | United | Named | Computed:
+    def node(self) -> Node:
         """How it comes about."""
         return self._node
 
@@ -162,12 +190,19 @@ class Attribute:
     def __bool__(self) -> bool:
         raise SceneError(f"{self.path} is symbolic and has no truth value; branch on numbers (compute().value) instead")
 
+    def __array__(self, dtype: object = None, copy: object = None) -> NoReturn:
+        raise SceneError(
+            f"{self.path} is symbolic and can't become a NumPy array: take its numbers by compute().array, build "
+            "matrices of attributes by concat_rows and concat_cols, multiply by * and @"
+        )
+
     # -- numbers -------------------------------------------------------------------------------------------
 
     def update_value(self, values: ArrayLike) -> None:
         """Sets the numbers of a stored attribute: instances x rows x columns of them, in any shape, row-major.
 
-        On a dynamic primitive the number of instances follows from the data.
+        On a dynamic primitive the number of instances follows from the data; its other parts must follow before the
+        next result (`Primitive.update` sets all at once).
 
         Raises DataError for a wrong count, for what are no real numbers, for NaN and infinity; nothing is changed then.
         Raises SceneError for a computed attribute.
@@ -179,7 +214,7 @@ class Attribute:
         array = checked_numbers(values, self.path)
         size = self._shape[0] * self._shape[1]
         count = self._owner.num_instances
-        if self._owner.is_dynamic and array.size % size == 0:
+        if self._owner.follows_data and array.size % size == 0:
             count = array.size // size
         if array.size != count * size:
             raise DataError(
@@ -192,6 +227,7 @@ class Attribute:
         else:
             self._node.array = shaped.copy()
             self._owner.scene.arrays_moved()
+        self._owner.set_num_instances(count)
 
     def compute(self) -> ComputedValue:
         """Evaluates the attribute on all instances (compiled on first use)."""
@@ -212,6 +248,8 @@ class Attribute:
         return combine(elementwise.AddOp, [self, as_attribute(other)])
 
     def __radd__(self, other: Any) -> Attribute:
+        if type(other) is int and other == 0:  # where Python's sum() starts
+            return self
         return combine(elementwise.AddOp, [as_attribute(other), self])
 
     def __sub__(self, other: Any) -> Attribute:
@@ -242,9 +280,10 @@ class Attribute:
         return combine(elementwise.DivideOp, [as_attribute(other), self])
 
     def __pow__(self, exponent: float) -> Attribute:
-        if not isinstance(exponent, int | float | np.integer | np.floating):
-            raise ShapeMismatchError(
-                f"the exponent of ** is a number, got {exponent!r}; use (b * a.log()).exp() for a ** b"
+        number = isinstance(exponent, int | float | np.integer | np.floating) and not isinstance(exponent, bool)
+        if not number or not np.isfinite(exponent):
+            raise DataError(
+                f"the exponent of ** is a finite number, got {exponent!r}; use (b * a.log()).exp() for a ** b"
             )
         return combine(elementwise.PowOp, [self], {"exponent": FloatAttr(float(exponent), f64)})
 
@@ -343,6 +382,8 @@ class Attribute:
     def __getitem__(self, index: int | tuple[int, int]) -> Attribute:
         """Entry `a[i, j]`, or `a[i]` of a vector; 1x1."""
         if isinstance(index, tuple):
+            if len(index) != 2:
+                raise ShapeMismatchError(f"{self.path} has rows and columns: write a[i, j], got {len(index)} indices")
             row, col = index
         elif min(self._shape) == 1:
             row, col = (0, index) if self._shape[0] == 1 else (index, 0)
@@ -358,22 +399,34 @@ class Attribute:
         return combine(calculus.StopGradientOp, [self])
 
 
+def integer(value: object, what: str) -> int:
+    """The value as an integer; raises ShapeMismatchError for anything else, 1.0 and True included."""
+    if isinstance(value, int | np.integer) and not isinstance(value, bool):
+        return operator.index(value)
+    raise ShapeMismatchError(f"{what} must be an integer, got {value!r}")
+
+
 def integers(*values: int) -> IrAttribute:
     """An array of integers as an operation's property."""
-    return DenseArrayBase.from_list(i64, [int(v) for v in values])
+    return DenseArrayBase.from_list(i64, [integer(value, "a number of rows or columns") for value in values])
 
 
-def wrapped(index: int, length: int, word: str, attribute: Attribute) -> int:
+def wrapped(index: object, length: int, word: str, attribute: Attribute) -> int:
     """The index counted from the start; raises for one out of range."""
-    if not -length <= index < length:
-        raise ShapeMismatchError(f"{attribute.path} is {spell(attribute.shape)} and has no {word} {index}")
-    return index % length
+    if isinstance(index, slice):
+        raise ShapeMismatchError(f"{attribute.path} can't be sliced; use block(row, col, rows, cols), row(i) or col(j)")
+    number = integer(index, f"the {word} of {attribute.path}")
+    if not -length <= number < length:
+        raise ShapeMismatchError(f"{attribute.path} is {spell(attribute.shape)} and has no {word} {number}")
+    return number % length
 
 
 def checked_numbers(values: ArrayLike, what: str) -> FloatArray:
     """float64 array of finite numbers, or DataError."""
     try:
         array = np.asarray(values)
+    except YaspsError:
+        raise  # from Attribute.__array__
     except ValueError as error:
         raise DataError(f"{what} needs numbers, got a ragged list: {error}") from error
     if array.dtype.kind not in "fiub":
@@ -415,13 +468,14 @@ def deepest(attributes: Sequence[Attribute], what: str) -> Entity | None:
         elif candidate not in owner.lineage():
             assert holder is not None
             if candidate.scene is not owner.scene:
-                reason = "belong to different scenes"
-            else:
-                reason = f"live on {owner.label} and {candidate.label}, which are not of one lineage"
+                raise LineageError(
+                    f"{what} of {holder.path} and {attribute.path}: the first belongs to {owner.scene.label}, the second "
+                    f"to another, {candidate.scene.label}. Scenes share nothing; build both parts in one scene."
+                )
             raise LineageError(
-                f"{what} of {holder.path} and {attribute.path}: they {reason}. Bring one to the other's primitive first: "
-                "add_attribute(name, through=connectivity, source=attribute) is a JOIN, add_attribute(name) on a "
-                "primitive union a UNION."
+                f"{what} of {holder.path} and {attribute.path}: they live on {owner.label} and {candidate.label}, which "
+                "are not of one lineage. Bring one to the other's primitive first: add_attribute(name, "
+                "through=connectivity, source=attribute) is a JOIN, add_attribute(name) on a primitive union a UNION."
             )
     return owner
 

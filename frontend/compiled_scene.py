@@ -15,8 +15,10 @@ from yasps.backend.cpp_object import Binding
 from yasps.backend.interpreter import SceneData
 from yasps.backend.program import CompiledModule, Program
 from yasps.dialects.rel import name_of
-from yasps.frontend.attribute import Attribute, FloatArray, Stored
+from yasps.frontend.attribute import Attribute, FloatArray, Joined, Stored, operands_of
+from yasps.frontend.connectivity import Connectivity
 from yasps.frontend.emit import EnergyTerm, SceneEmitter
+from yasps.frontend.entity import Entity
 from yasps.frontend.errors import NotFiniteError, YaspsError
 from yasps.frontend.primitive import Primitive, PrimitiveUnion
 from yasps.passes.errors import CompileError
@@ -37,8 +39,8 @@ class UnsupportedSceneError(YaspsError):
 class CompileReport:
     """What compiling took.
 
-    symbolic_seconds: passes from the frontend's IR to scalar code; native_seconds: emitting, compiling, linking, loading;
-    modules: one line for each object file.
+    symbolic_seconds: passes from the frontend's IR to scalar code; native_seconds: emitting, compiling, linking,
+    loading; modules: one line for each object file.
     """
 
     symbolic_seconds: float
@@ -77,6 +79,26 @@ class _Term:
         return 1 if self.owner is None else self.owner.num_instances
 
 
+class _Reads:
+    """Connectivities and owners of all attributes that some attributes are computed from."""
+
+    def __init__(self, roots: Sequence[Attribute]) -> None:
+        self.connectivities: set[Connectivity] = set()
+        self.owners: set[Entity] = set()
+        seen = set(roots)
+        stack = list(roots)
+        while stack:
+            attribute = stack.pop()
+            if attribute.owner is not None:
+                self.owners.add(attribute.owner)
+            node = attribute.node
+            if isinstance(node, Joined):
+                self.connectivities.add(node.connectivity)
+            new = [operand for operand in operands_of(node) if operand not in seen]
+            seen.update(new)
+            stack.extend(new)
+
+
 class CompiledScene:
     """Machine code for energies, targets and outputs of a scene, bound to its arrays."""
 
@@ -86,6 +108,7 @@ class CompiledScene:
         energies: Sequence[EnergyTerm],
         targets: Sequence[Attribute],
         outputs: Sequence[Attribute],
+        *,
         runtime: Runtime,
         dump_to: Path | None,
     ) -> None:
@@ -109,6 +132,7 @@ class CompiledScene:
         self._starts: dict[str, NDArray[np.int64]] = {}
         self._offsets: dict[str, NDArray[np.int64]] = {}
         self._terms = self._make_terms(energies)
+        self._static_reads = _Reads([energy.attribute for energy in energies if not energy.dynamic])
         self._bound = False
         self._static_valid = False
         self._dynamic_valid = False
@@ -143,22 +167,32 @@ class CompiledScene:
         """The scene's arrays are new ones: pointers must be taken again."""
         self._bound = False
 
-    def connectivity_changed(self, dynamic: bool) -> None:
-        """Connectivities changed: where derivatives go must be found again."""
+    def connectivity_changed(self, connectivity: Connectivity) -> None:
+        """Indices changed: where derivatives go must be found again, for static energies only if they read them."""
         self._bound = False
         self._dynamic_valid = False
-        if not dynamic:
+        if connectivity in self._static_reads.connectivities:
+            self._static_valid = False
+
+    def size_changed(self, owner: Entity) -> None:
+        """A number of instances changed: of targets and of union members it moves all that comes after them."""
+        self._bound = False
+        self._dynamic_valid = False
+        if owner in self._static_reads.owners or any(target.owner is owner for target in self.targets):
             self._static_valid = False
 
     # -- numbers -------------------------------------------------------------------------------------------
 
     def bind(self) -> None:
-        """Points the program to the scene's arrays, if any has moved."""
+        """Points the program to the scene's arrays, if any has moved.
+
+        Raises DataError or ConnectivityError for numbers or indices that don't fit the numbers of instances: kernels
+        read without checks.
+        """
         if self._bound:
             return
         for owner in self.emitter.owners.values():
-            if isinstance(owner, Primitive):
-                owner.check_consistent()
+            owner.check_consistent()
         start = 0
         for target in self.targets:
             assert isinstance(target.node, Stored)
@@ -268,8 +302,8 @@ class CompiledScene:
         for term, status in zip(terms, statuses, strict=True):
             if status.first_bad is not None:
                 raise NotFiniteError(
-                    f"the derivatives of energy {term.symbol} are not finite on instance {status.first_bad}; look at its "
-                    "inputs there (inverted element, distance 0, overflow?)"
+                    f"the derivatives of energy {term.symbol} are not finite on instance {status.first_bad}; look at "
+                    "its inputs there (inverted element, distance 0, overflow?)"
                 )
         return gradient
 
@@ -279,6 +313,16 @@ class CompiledScene:
         """x of H x = gradient for the assembled Hessian, and how the solver ended."""
         parts = [self.static_matrix, self.dynamic_matrix]
         return self._solver.solve(parts, gradient, tolerance=tolerance, max_iterations=max_iterations)
+
+    def place_of(self, unknown: int) -> str:
+        """Target and instance of one scalar unknown, for messages."""
+        start = 0
+        for target in self.targets:
+            assert isinstance(target.node, Stored)
+            if unknown < start + target.node.array.size:
+                return f"{target.path}, instance {(unknown - start) // (target.shape[0] * target.shape[1])}"
+            start += target.node.array.size
+        raise IndexError(f"unknown {unknown} of {start}")
 
     def split(self, stacked: FloatArray) -> list[FloatArray]:
         """A vector of all unknowns as one flat array for each target."""

@@ -51,17 +51,23 @@ class Connectivity:
 
     def _replace(self, checked: IntArray) -> None:
         self._indices = checked
-        if self.source.is_dynamic:
+        if self.source.follows_data:
             self.source.set_num_instances(len(checked))
         self.source.scene.connectivity_changed(self)
 
     def _checked(self, indices: ArrayLike) -> IntArray:
-        array: NDArray[Any] = np.asarray(indices)
+        try:
+            array: NDArray[Any] = np.asarray(indices)
+        except ValueError as error:
+            raise ConnectivityError(
+                f"{self.path} has arity {self.arity}, so every row needs {self.arity} indices, got a ragged list"
+            ) from error
         if array.size == 0:
             array = array.astype(np.int32)
         if array.dtype.kind not in "iu":
             raise ConnectivityError(
-                f"{self.path} holds indices, which are integers, got {array.dtype}; convert them, e.g. array.astype(int)"
+                f"{self.path} holds indices, which are integers, got {array.dtype}; convert them, e.g. by "
+                "array.astype(int)"
             )
         if array.ndim == 2 and array.shape[1] != self.arity:
             raise ConnectivityError(
@@ -72,17 +78,33 @@ class Connectivity:
                 f"{self.path} has arity {self.arity}; {array.size} indices of shape {array.shape} don't fill whole rows"
             )
         rows = array.reshape(-1, self.arity)
-        if not self.source.is_dynamic and len(rows) != self.source.num_instances:
+        if not self.source.follows_data and len(rows) != self.source.num_instances:
             raise ConnectivityError(
                 f"{self.path} needs {self.source.num_instances} x {self.arity} indices, one row for each instance of "
                 f"{self.source.path}, got {len(rows)} rows"
             )
+        self._check_range(rows, "")
+        return np.ascontiguousarray(rows, dtype=np.int32).copy()
+
+    def check_consistent(self) -> None:
+        """Raises ConnectivityError if source or target have changed their number of instances and the indices have not.
+
+        Indices are checked when they are given; a dynamic target may shrink afterwards.
+        """
+        if len(self._indices) != self.source.num_instances:
+            raise ConnectivityError(
+                f"{self.source.label} has {self.source.num_instances} instances, but {self.path} has rows for "
+                f"{len(self._indices)}; set all parts together with update(...)"
+            )
+        self._check_range(self._indices, ": it has shrunk since they were set; give the connectivity new ones")
+
+    def _check_range(self, rows: NDArray[Any], advice: str) -> None:
         count = self.target.num_instances
         wrong = np.argwhere((rows < 0) | (rows >= count))
         if len(wrong):
             row, slot = wrong[0]
+            valid = f"valid are 0..{count - 1}" if count else "so none is valid"
             raise ConnectivityError(
-                f"{self.path}: index {rows[row, slot]} of instance {row} (slot {slot}) is out of range; {self.target.path} "
-                f"has {count} instances, 0..{count - 1} ({len(wrong)} indices are out of range)"
+                f"{self.path}: index {rows[row, slot]} of instance {row} (slot {slot}) is out of range; "
+                f"{self.target.label} has {count} instances, {valid} ({len(wrong)} indices are out of range){advice}"
             )
-        return np.ascontiguousarray(rows, dtype=np.int32).copy()

@@ -62,9 +62,9 @@ class SceneEmitter:
         self, energies: Sequence[EnergyTerm], targets: Sequence[Attribute], outputs: Sequence[Attribute]
     ) -> ModuleOp:
         """The module `rel.scene`, in dependency order."""
-        final: list[Operation] = []
-        for term in energies:
-            final.append(EnergyOp(self.defined(term.attribute), term.projection, term.dynamic))
+        final: list[Operation] = [
+            EnergyOp(self.defined(term.attribute), term.projection, term.dynamic) for term in energies
+        ]
         final += [TargetOp(self.defined(target)) for target in targets]
         for output in outputs:
             self.attributes[self.defined(output)].output = UnitAttr()
@@ -116,7 +116,7 @@ class SceneEmitter:
         name = attribute.name
         if name is None:
             self._unnamed += 1
-            name = f"unnamed-{self._unnamed}"
+            name = f"unnamed.{self._unnamed}"  # the dot keeps it apart from the user's names
         symbol = f"{attribute.owner.path}.{name}" if attribute.owner.path else name
         self._symbols[attribute] = symbol
         if isinstance(attribute.node, Stored):

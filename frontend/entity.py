@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import abc
 import re
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NoReturn
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -34,6 +34,9 @@ class Entity(abc.ABC):
 
     kind = "entity"
     is_dynamic = False
+    """May the number of instances change?"""
+    follows_data = False
+    """Does the number of instances follow from the data given? On dynamic primitives it does."""
 
     def __init__(self, name: str, parent: Entity | None) -> None:
         self.name = name
@@ -50,6 +53,11 @@ class Entity(abc.ABC):
     @abc.abstractmethod
     def num_instances(self) -> int:
         """How many instances it has; meshes and scenes have one."""
+
+    def set_num_instances(self, count: int) -> None:
+        """Notes the new number of instances of a dynamic primitive; raises SceneError for a change of anything else."""
+        if count != self.num_instances:
+            raise SceneError(f"{self.label} has a fixed number of instances, {self.num_instances}; got {count}")
 
     @property
     def path(self) -> str:
@@ -97,6 +105,13 @@ class Entity(abc.ABC):
         hint = f"; {name!r} is an attribute: write [{name!r}]" if name in self.__dict__.get("attributes", {}) else ""
         raise AttributeError(f"{self.kind} {self.__dict__.get('name', '?')} has no {name!r}; it has {known}{hint}")
 
+    def __contains__(self, name: object) -> bool:
+        """Is there an attribute of this name?"""
+        return name in self.attributes
+
+    def __iter__(self) -> NoReturn:
+        raise TypeError(f"{self.label} can't be iterated over; its attributes are in .attributes")
+
     def __getitem__(self, name: str) -> Attribute:
         """The attribute of this name."""
         if name in self.attributes:
@@ -143,6 +158,10 @@ class Entity(abc.ABC):
                 f"{self.label}, attribute {name!r}: give rows and cols, or computed_attribute, or through and source, "
                 "not several of them"
             )
+        if value is not None and not given[0]:
+            raise SceneError(
+                f"{self.label}, attribute {name!r}: value goes with rows and cols; nothing else is set by numbers"
+            )
         if computed_attribute is not None:
             return self._add_named(name, computed_attribute)
         if given[2]:
@@ -185,8 +204,8 @@ class Entity(abc.ABC):
             )
         if expression.owner is not None and expression.owner not in self.lineage():
             raise LineageError(
-                f"{expression.path} lives on {expression.owner.label} and can't be an attribute of {self.label}; JOIN it "
-                "through a connectivity instead"
+                f"{expression.path} lives on {expression.owner.label} and can't be an attribute of {self.label}; JOIN "
+                "it through a connectivity instead"
             )
         return self._register(name, Attribute(self, expression.shape, Named(expression), name))
 
@@ -198,20 +217,20 @@ class Entity(abc.ABC):
             )
         if through.source is not self:
             raise ConnectivityError(
-                f"{self.label}, attribute {name!r}: {through.path} starts at {through.source.path}, not here; a JOIN lives "
-                "on the primitive its connectivity starts at"
+                f"{self.label}, attribute {name!r}: {through.path} starts at {through.source.path}, not here; a "
+                "JOIN lives on the primitive its connectivity starts at"
             )
         if source.owner is not through.target:
             where = source.owner.label if source.owner is not None else "nowhere"
             raise LineageError(
-                f"{self.label}, attribute {name!r}: the source {source.path} lives on {where}, but {through.path} leads to "
-                f"{through.target.label}"
+                f"{self.label}, attribute {name!r}: the source {source.path} lives on {where}, but {through.path} "
+                f"leads to {through.target.label}"
             )
         shape = (through.arity, source.shape[0] * source.shape[1])
         return self._register(name, Attribute(self, shape, Joined(through, source), name))
 
     def _add_union(self, name: str) -> Attribute:
         raise ShapeMismatchError(
-            f"{self.label}, attribute {name!r}: give rows and cols, computed_attribute, or through and source (a name alone "
-            "is a UNION, on primitive unions only)"
+            f"{self.label}, attribute {name!r}: give rows and cols, computed_attribute, or through and source (a "
+            "name alone is a UNION, on primitive unions only)"
         )

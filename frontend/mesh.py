@@ -48,8 +48,8 @@ class Mesh(Entity):
             )
         if num_instances == 0 and not is_dynamic:
             raise SceneError(
-                f"{self.label}, primitive {name!r} has no instances; give num_instances >= 1, or is_dynamic=True if they "
-                "come later"
+                f"{self.label}, primitive {name!r} has no instances; give num_instances >= 1, or is_dynamic=True "
+                "if they come later"
             )
         primitive = Primitive(name, self, int(num_instances), bool(is_dynamic))
         self._children[name] = primitive
@@ -62,6 +62,8 @@ class Mesh(Entity):
         Raises NameTakenError, SceneError.
         """
         self.check_child_name(name, "a primitive union")
+        if not isinstance(members, Sequence):
+            raise SceneError(f"{self.label}, primitive union {name!r}: give a list of primitives, got {members!r}")
         members = list(members)
         if not members:
             raise SceneError(f"{self.label}, primitive union {name!r} needs at least one member")

@@ -34,10 +34,6 @@ class PrimitiveBase(Entity):
         """The scene it belongs to."""
         return self.mesh.scene
 
-    def set_num_instances(self, count: int) -> None:
-        """Notes the new number of instances of a dynamic primitive."""
-        raise SceneError(f"{self.label} has a fixed number of instances")
-
     def add_connectivity(self, name: str, target: PrimitiveBase, indices: ArrayLike, arity: int) -> Connectivity:
         """Connects each instance to `arity` instances of `target` (0-based; paper, 4.4).
 
@@ -56,16 +52,27 @@ class PrimitiveBase(Entity):
                 f"{self.label}, connectivity {name!r}: arity must be a positive integer, got {arity!r}"
             )
         connectivity = Connectivity(name, self, target, indices, int(arity))
-        if self.is_dynamic and len(connectivity.indices) != self.num_instances:
+        if self.follows_data and len(connectivity.indices) != self.num_instances:
             if any(len(other.indices) for other in self.connectivities.values()):
                 raise ConnectivityError(
-                    f"{connectivity.path} has {len(connectivity.indices)} rows, but {self.label} has {self.num_instances} "
-                    "instances by its other connectivities"
+                    f"{connectivity.path} has {len(connectivity.indices)} rows, but {self.label} has "
+                    f"{self.num_instances} instances by its other connectivities"
                 )
             self.set_num_instances(len(connectivity.indices))
         self.connectivities[name] = connectivity
         self._children[name] = connectivity
         return connectivity
+
+    def check_consistent(self) -> None:
+        """Raises DataError or ConnectivityError if numbers or indices don't match the current numbers of instances."""
+        for connectivity in self.connectivities.values():
+            connectivity.check_consistent()
+        for attribute in self.attributes.values():
+            if isinstance(attribute.node, Stored) and len(attribute.node.array) != self.num_instances:
+                raise DataError(
+                    f"{self.label} has {self.num_instances} instances, but {attribute.path} has numbers for "
+                    f"{len(attribute.node.array)}; set all parts together with update(...)"
+                )
 
 
 @both_spellings
@@ -78,6 +85,7 @@ class Primitive(PrimitiveBase):
         super().__init__(name, mesh)
         self._num_instances = num_instances
         self.is_dynamic = is_dynamic
+        self.follows_data = is_dynamic
 
     @property
     def num_instances(self) -> int:
@@ -86,17 +94,19 @@ class Primitive(PrimitiveBase):
 
     def set_num_instances(self, count: int) -> None:
         """Notes the new number of instances of a dynamic primitive; its connectivities and data must follow."""
+        if not isinstance(count, int | np.integer) or isinstance(count, bool) or count < 0:
+            raise SceneError(f"{self.label}: the number of instances must be an integer >= 0, got {count!r}")
         if not self.is_dynamic:
             super().set_num_instances(count)
         if count != self._num_instances:
-            self._num_instances = count
+            self._num_instances = int(count)
             self.scene.size_changed(self)
 
-    def update(self, **parts: Any) -> None:
+    def update(self, /, **parts: Any) -> None:
         """Sets several connectivities and stored attributes at once, by name, all or none.
 
-        This is how a dynamic primitive changes its number of instances: what is not given keeps its numbers, so on a
-        dynamic primitive give all of them. Raises ConnectivityError, DataError, SceneError; nothing is changed then.
+        This is how a dynamic primitive changes its number of instances: what is not given keeps its numbers, so when
+        their count changes give all of them. Raises ConnectivityError, DataError, SceneError; nothing is changed then.
         """
         indices: dict[Connectivity, Any] = {}
         numbers: dict[Stored, FloatArray] = {}
@@ -119,36 +129,32 @@ class Primitive(PrimitiveBase):
                 numbers[node] = array.reshape(-1, *attribute.shape).copy()
                 counts[name] = len(numbers[node])
             else:
-                known = [*self.connectivities, *(n for n, a in self.attributes.items() if isinstance(a.node, Stored))]
-                raise SceneError(
-                    f"{self.label} has no connectivity or stored attribute {name!r}; it has {', '.join(known)}"
-                )
-        wanted = set(counts.values()) if self.is_dynamic else {*counts.values(), self.num_instances}
-        if len(wanted) > 1:
-            listed = ", ".join(f"{name}: {count}" for name, count in counts.items())
-            raise DataError(f"{self.label}: all parts need the same number of instances, got {listed}")
+                known = ", ".join(self._counts_without({})) or "none"
+                raise SceneError(f"{self.label} has no connectivity or stored attribute {name!r}; it has {known}")
+        if not counts:
+            return
+        count = next(iter(counts.values())) if self.is_dynamic else self.num_instances
+        kept = self._counts_without(parts)
+        if any(other != count for other in (*counts.values(), *kept.values())):
+            listed = ", ".join(f"{name}: {given}" for name, given in counts.items())
+            unchanged = ", ".join(f"{name}: {old}" for name, old in kept.items())
+            raise DataError(
+                f"{self.label}: all parts need the same number of instances, got {listed}"
+                + (f"; not given and so kept: {unchanged}" if unchanged else "")
+                + ("" if self.is_dynamic else f"; it is not dynamic and has {count} instances")
+            )
         for connectivity, checked in indices.items():
             connectivity._replace(checked)
         for node, array in numbers.items():
             node.array = array
-        if wanted and self.is_dynamic:
-            self.set_num_instances(wanted.pop())
+        self.set_num_instances(count)
         self.scene.arrays_moved()
 
-    def check_consistent(self) -> None:
-        """Raises DataError if data or connectivities don't match the current number of instances."""
-        for connectivity in self.connectivities.values():
-            if len(connectivity.indices) != self.num_instances:
-                raise DataError(
-                    f"{self.label} has {self.num_instances} instances, but {connectivity.path} has "
-                    f"{len(connectivity.indices)} rows; set all parts together with update(...)"
-                )
-        for attribute in self.attributes.values():
-            if isinstance(attribute.node, Stored) and len(attribute.node.array) != self.num_instances:
-                raise DataError(
-                    f"{self.label} has {self.num_instances} instances, but {attribute.path} has numbers for "
-                    f"{len(attribute.node.array)}; set all parts together with update(...)"
-                )
+    def _counts_without(self, parts: dict[str, Any]) -> dict[str, int]:
+        """Instances that each part not named here has numbers for."""
+        counts = {name: len(c.indices) for name, c in self.connectivities.items()}
+        counts |= {name: len(a.node.array) for name, a in self.attributes.items() if isinstance(a.node, Stored)}
+        return {name: count for name, count in counts.items() if name not in parts}
 
 
 @both_spellings

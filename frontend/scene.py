@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 import os
+import weakref
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
+
+import numpy as np
 
 from yasps.dialects.mat import spell
 from yasps.dialects.rel import PROJECTIONS
@@ -14,16 +17,19 @@ from yasps.frontend.attribute import Attribute, FloatArray, Stored
 from yasps.frontend.compiled_scene import CompiledScene, CompileReport
 from yasps.frontend.emit import EnergyTerm
 from yasps.frontend.entity import Entity
-from yasps.frontend.errors import NotConvergedError, SceneError, ShapeMismatchError
+from yasps.frontend.errors import DataError, NameTakenError, NotConvergedError, SceneError, ShapeMismatchError
 from yasps.frontend.mesh import Mesh
 from yasps.frontend.spelling import both_spellings
 from yasps.runtime.library import Runtime, load_runtime
-from yasps.runtime.solver import SolveReport
+from yasps.runtime.solver import SolveReport, StopReason
 from yasps.runtime.toolchain import find_compiler
 
 if TYPE_CHECKING:
     from yasps.frontend.connectivity import Connectivity
     from yasps.frontend.primitive import PrimitiveBase
+
+_MOST_ITERATIONS = 2**31
+"""What fits the runtime's counter."""
 
 
 @dataclass(frozen=True)
@@ -50,17 +56,19 @@ class Scene(Entity):
 
     def __init__(self, name: str, *, device: str = "cpu", threads: int | None = None) -> None:
         super().__init__("scene", None)
-        self.name = self.check_name(name, "a scene")
+        self.name = self._own_name = self.check_name(name, "a scene")
         if device != "cpu":
             raise SceneError(f"device={device!r}: this version runs on the CPU only; leave device out")
-        if threads is not None and threads < 1:
-            raise SceneError(f"threads={threads}: at least one is needed")
+        if threads is not None and (not isinstance(threads, int) or isinstance(threads, bool) or threads < 1):
+            raise SceneError(f"threads={threads!r}: it must be a positive integer, or left out for one per processor")
         self._threads = threads
         self._energies: list[EnergyTerm] = []
         self._targets: list[Attribute] = []
         self._runtime: Runtime | None = None
         self._compiled: CompiledScene | None = None
-        self._outputs: dict[Attribute, CompiledScene] = {}
+        self._alive: weakref.WeakSet[CompiledScene] = weakref.WeakSet()
+        """All that was compiled and is still in use, by whomever: it must hear of arrays that moved."""
+        self._evaluations = 0
 
     @property
     def scene(self) -> Scene:
@@ -92,14 +100,18 @@ class Scene(Entity):
         """Minimisation targets, in order."""
         return tuple(self._targets)
 
+    def check_name(self, name: object, what: str) -> str:
+        """The name, if it can be one and is free here."""
+        checked = super().check_name(name, what)
+        if checked == self.__dict__.get("_own_name"):
+            raise NameTakenError(f"{name!r} can't name {what}: it is the scene's own name; choose another")
+        return checked
+
     # -- construction --------------------------------------------------------------------------------------
 
     def add_mesh(self, name: str) -> Mesh:
         """Adds a mesh; reached as `scene.name` afterwards. Raises NameTakenError."""
         self.check_child_name(name, "a mesh")
-        if name == self.name:
-            name_error = f"{name!r} can't name a mesh: it is the scene's name"
-            raise SceneError(name_error)
         mesh = Mesh(name, self)
         self._children[name] = mesh
         return mesh
@@ -118,8 +130,8 @@ class Scene(Entity):
         self._check_own(attribute, "an energy")
         if attribute.shape != (1, 1):
             raise ShapeMismatchError(
-                f"an energy is 1x1 on every instance, but {attribute.path} is {spell(attribute.shape)}; reduce it, e.g. by "
-                "dot, sum or norm"
+                f"an energy is 1x1 on every instance, but {attribute.path} is {spell(attribute.shape)}; reduce it, "
+                "e.g. by dot, sum or norm"
             )
         if projection not in PROJECTIONS:
             raise SceneError(f"projection must be one of {', '.join(PROJECTIONS)}, got {projection!r}")
@@ -130,7 +142,8 @@ class Scene(Entity):
             dynamic_instances = attribute.owner.is_dynamic
         if attribute.owner.is_dynamic and not dynamic_instances:
             raise SceneError(
-                f"{attribute.path} lives on the dynamic {attribute.owner.label}: register it with dynamic_instances=True"
+                f"{attribute.path} lives on the dynamic {attribute.owner.label}: register it with "
+                "dynamic_instances=True"
             )
         self._energies.append(EnergyTerm(attribute, projection, bool(dynamic_instances)))
         self.structure_changed()
@@ -138,16 +151,18 @@ class Scene(Entity):
     def add_minimize_target(self, targets: Attribute | Sequence[Attribute]) -> None:
         """Adds stored variables that energies are minimised over (paper, 4.7); results come in this order.
 
-        Raises SceneError for computed attributes, constants, other scenes' attributes and repeated ones; nothing is added
-        then.
+        Raises SceneError for computed attributes, constants, other scenes' attributes and repeated ones; nothing is
+        added then.
         """
+        if not isinstance(targets, Attribute | Sequence):
+            raise SceneError(f"minimisation targets are an attribute or a list of them, got {targets!r}")
         listed = [targets] if isinstance(targets, Attribute) else list(targets)
         for k, target in enumerate(listed):
             self._check_own(target, "a minimisation target")
             if not isinstance(target.node, Stored):
                 raise SceneError(
-                    f"{target.path} is computed; a minimisation target must be stored (add_attribute with rows and cols): "
-                    "minimise over what it is computed from"
+                    f"{target.path} is computed; a minimisation target must be stored (add_attribute with rows and "
+                    "cols): minimise over what it is computed from"
                 )
             if target.node.constant:
                 raise SceneError(f"{target.path} was made by add_constant and never takes part in differentiation")
@@ -162,7 +177,9 @@ class Scene(Entity):
         if attribute.owner is None:
             raise SceneError(f"{what} must live on a primitive, mesh or the scene; a number alone does not")
         if attribute.owner.scene is not self:
-            raise SceneError(f"{attribute.path} belongs to scene {attribute.owner.scene.name!r}, not to {self.name!r}")
+            other = attribute.owner.scene
+            same_name = ", which has the same name but is another" if other.name == self.name else ""
+            raise SceneError(f"{attribute.path} belongs to scene {other.name!r}, not to scene {self.name!r}{same_name}")
 
     # -- results -------------------------------------------------------------------------------------------
 
@@ -172,18 +189,35 @@ class Scene(Entity):
         g is the gradient of all energies, H their projected Hessian. tolerance: relative, on the squared preconditioned
         norm of the residual, r^T M^-1 r <= tolerance g^T M^-1 g.
 
-        Raises NotConvergedError if the solver stops before that, NotFiniteError, SceneError without energies or targets.
+        Raises NotConvergedError if the solver stops before that, NotFiniteError, SceneError without energies or
+        targets, DataError or ConnectivityError for numbers that don't fit a dynamic primitive's size or bad arguments.
         """
         solution = self.solve(tolerance, max_iterations)
-        if not solution.report.converged:
-            raise NotConvergedError(
-                f"the linear solver stopped: {solution.report}. Raise max_iterations or tolerance, or use solve() to take the "
-                "result as it is"
+        report = solution.report
+        if report.converged:
+            return solution.directions
+        if report.reason is StopReason.MAX_ITERATIONS:
+            advice = "Raise max_iterations or tolerance."
+        elif report.block is not None:
+            advice = (
+                f"The Hessian's diagonal block of {self.compile().place_of(report.block)} is not positive definite: "
+                "does every target instance take part in an energy?"
             )
-        return solution.directions
+        else:
+            advice = "The Hessian is not positive definite; add e.g. an inertia energy, or use another projection."
+        raise NotConvergedError(f"the linear solver stopped: {report}. {advice} solve() returns the result as it is.")
 
     def solve(self, tolerance: float = 1e-4, max_iterations: int = 10_000) -> Solution:
         """As `minimize_energy`, with gradient and solver's report, and without raising when it did not converge."""
+        number = isinstance(tolerance, float | int | np.floating) and not isinstance(tolerance, bool)
+        if not number or not 0 <= tolerance < np.inf:
+            raise DataError(f"tolerance must be a finite number >= 0, got {tolerance!r}")
+        if (
+            not isinstance(max_iterations, int | np.integer)
+            or isinstance(max_iterations, bool)
+            or not 0 <= max_iterations < _MOST_ITERATIONS
+        ):
+            raise DataError(f"max_iterations must be an integer >= 0, got {max_iterations!r}")
         compiled = self.compile()
         gradient = compiled.assemble()
         x, report = compiled.solve_linear(gradient, tolerance, max_iterations)
@@ -212,10 +246,19 @@ class Scene(Entity):
         if need_targets and not self._targets:
             raise SceneError(f"{self.label} has no minimisation target yet: add_minimize_target(attribute) first")
         if self._compiled is None:
-            self._compiled = CompiledScene(
-                self.name, self._energies, self._targets, [], self.runtime, self._dump_folder()
-            )
+            self._compiled = self._compile_for(self._energies, self._targets, [], self._dump_folder())
         return self._compiled
+
+    def _compile_for(
+        self,
+        energies: Sequence[EnergyTerm],
+        targets: Sequence[Attribute],
+        outputs: Sequence[Attribute],
+        dump_to: Path | None,
+    ) -> CompiledScene:
+        compiled = CompiledScene(self.name, energies, targets, outputs, runtime=self.runtime, dump_to=dump_to)
+        self._alive.add(compiled)
+        return compiled
 
     @property
     def compile_report(self) -> CompileReport:
@@ -230,24 +273,29 @@ class Scene(Entity):
         return self._runtime
 
     def evaluate(self, attribute: Attribute) -> FloatArray:
-        """Values of an attribute on all instances, [instances, rows, columns]; see `Attribute.compute`."""
-        if attribute not in self._outputs:
-            self._outputs[attribute] = CompiledScene(self.name, [], [], [attribute], self.runtime, None)
-        return self._outputs[attribute].evaluate(attribute)
+        """Values of an attribute on all instances, [instances, rows, columns]; see `Attribute.compute`.
+
+        Raises SceneError for another scene's attribute.
+        """
+        self._check_own(attribute, "what is computed")
+        if isinstance(attribute.node, Stored):
+            return attribute.node.array.copy()
+        if attribute.evaluator is None:
+            self._evaluations += 1
+            folder = self._dump_folder(f"compute-{self._evaluations}")
+            attribute.evaluator = self._compile_for([], [], [attribute], folder)
+        return attribute.evaluator.evaluate(attribute)
 
     def dump_ir(self, folder: str | Path) -> None:
         """Compiles the scene once more and writes the IR after every pass and the generated sources into the folder."""
         self.compile()
-        CompiledScene(self.name, self._energies, self._targets, [], self.runtime, Path(folder))
+        self._compile_for(self._energies, self._targets, [], Path(folder))
 
-    def _dump_folder(self) -> Path | None:
+    def _dump_folder(self, part: str = "") -> Path | None:
         setting = os.environ.get("YASPS_DUMP_IR")
-        return Path(setting) / self.name if setting else None
+        return Path(setting) / self.name / part if setting else None
 
     # -- what changed --------------------------------------------------------------------------------------
-
-    def _all_compiled(self) -> list[CompiledScene]:
-        return [*([self._compiled] if self._compiled is not None else []), *self._outputs.values()]
 
     def structure_changed(self) -> None:
         """The next result needs a new compile of the energies."""
@@ -255,19 +303,18 @@ class Scene(Entity):
 
     def arrays_moved(self) -> None:
         """Some array was replaced by another."""
-        for compiled in self._all_compiled():
+        for compiled in self._alive:
             compiled.arrays_moved()
 
     def connectivity_changed(self, connectivity: Connectivity) -> None:
         """Indices changed: derivatives go elsewhere."""
-        for compiled in self._all_compiled():
-            compiled.connectivity_changed(connectivity.source.is_dynamic)
+        for compiled in self._alive:
+            compiled.connectivity_changed(connectivity)
 
     def size_changed(self, primitive: PrimitiveBase) -> None:
         """A dynamic primitive has another number of instances."""
-        del primitive
-        for compiled in self._all_compiled():
-            compiled.connectivity_changed(dynamic=True)
+        for compiled in self._alive:
+            compiled.size_changed(primitive)
 
 
 scene = Scene

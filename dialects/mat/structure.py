@@ -27,9 +27,12 @@ if TYPE_CHECKING:
     from yasps.dialects.mat.builder import MatBuilder
 
 
-def _integers(properties: dict[str, Attribute], name: str) -> tuple[int, ...]:
+def _integers(properties: dict[str, Attribute], name: str, count: int) -> tuple[int, ...]:
     attribute = cast("DenseArrayBase[IntegerType]", properties[name])
-    return tuple(int(v) for v in attribute.get_values())
+    values = tuple(int(v) for v in attribute.get_values())
+    if len(values) != count:
+        raise ShapeError(f"{name} takes {count} integer{'s' if count > 1 else ''}, got {len(values)}")
+    return values
 
 
 @irdl_op_definition
@@ -75,7 +78,7 @@ class IdentityOp(MatOp):
 
     @classmethod
     def infer(cls, shapes: Sequence[Shape], properties: dict[str, Attribute]) -> Shape:
-        (size,) = _integers(properties, "size")
+        (size,) = _integers(properties, "size", 1)
         if size < 1:
             raise ShapeError(f"an identity matrix has at least one row, got {size}")
         return size, size
@@ -107,7 +110,7 @@ class ReshapeOp(MatOp):
 
     @classmethod
     def infer(cls, shapes: Sequence[Shape], properties: dict[str, Attribute]) -> Shape:
-        rows, cols = _integers(properties, "shape")
+        rows, cols = _integers(properties, "shape", 2)
         if rows < 1 or cols < 1 or rows * cols != shapes[0][0] * shapes[0][1]:
             raise ShapeError(
                 f"{spell(shapes[0])} has {shapes[0][0] * shapes[0][1]} entries, which don't fill {spell((rows, cols))}"
@@ -149,7 +152,7 @@ class BlockOp(MatOp):
 
     @classmethod
     def infer(cls, shapes: Sequence[Shape], properties: dict[str, Attribute]) -> Shape:
-        row, col, rows, cols = _integers(properties, "block")
+        row, col, rows, cols = _integers(properties, "block", 4)
         if row < 0 or col < 0 or rows < 1 or cols < 1 or row + rows > shapes[0][0] or col + cols > shapes[0][1]:
             raise ShapeError(
                 f"rows {row}..{row + rows - 1}, columns {col}..{col + cols - 1} are not inside a {spell(shapes[0])} "
@@ -159,7 +162,7 @@ class BlockOp(MatOp):
 
     @property
     def bounds(self) -> tuple[int, int, int, int]:
-        row, col, rows, cols = _integers(dict(self.properties), "block")
+        row, col, rows, cols = _integers(dict(self.properties), "block", 4)
         return row, col, rows, cols
 
     def simplify(self) -> SSAValue | None:
@@ -209,14 +212,14 @@ class EmbedOp(MatOp):
 
     @classmethod
     def infer(cls, shapes: Sequence[Shape], properties: dict[str, Attribute]) -> Shape:
-        row, col, rows, cols = _integers(properties, "place")
+        row, col, rows, cols = _integers(properties, "place", 4)
         if row < 0 or col < 0 or row + shapes[0][0] > rows or col + shapes[0][1] > cols:
             raise ShapeError(f"{spell(shapes[0])} at ({row}, {col}) does not fit into {spell((rows, cols))}")
         return rows, cols
 
     @property
     def corner(self) -> tuple[int, int]:
-        row, col, _, _ = _integers(dict(self.properties), "place")
+        row, col, _, _ = _integers(dict(self.properties), "place", 4)
         return row, col
 
     def simplify(self) -> SSAValue | None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from fractions import Fraction
 from typing import Any
 
@@ -43,9 +43,12 @@ def run_graph(
     graph: ScalarGraph,
     outputs: Sequence[Node],
     inputs: Sequence[Any],
-    functions: Mapping[str, Callable[..., Any]] | None = None,
+    number: Callable[[float], Any] = float,
 ) -> list[Any]:
-    """Values of the outputs for the values of the input nodes; numbers or arrays of any kind."""
+    """Values of the outputs for the values of the input nodes; numbers or arrays of any kind.
+
+    number: what constants are made to, e.g. `Fraction`.
+    """
     names = {"asin": "arcsin", "acos": "arccos", "atan": "arctan"}
     binary: dict[str, Callable[[Any, Any], Any]] = {
         "add": lambda a, b: a + b,
@@ -58,7 +61,7 @@ def run_graph(
         kind = graph.kinds[node]
         operands = [values[a] for a in graph.arguments[node]]
         if kind == "constant":
-            values[node] = graph.values[node]
+            values[node] = number(graph.values[node])
         elif kind == "input":
             values[node] = inputs[int(graph.values[node])]
         elif kind == "power":
@@ -68,12 +71,11 @@ def run_graph(
         elif kind in binary:
             values[node] = binary[kind](*operands)
         else:
-            values[node] = (functions or {}).get(kind) or getattr(np, names.get(kind, kind))
-            values[node] = values[node](*operands)
+            values[node] = getattr(np, names.get(kind, kind))(*operands)
     return [values[node] for node in outputs]
 
 
-def lower_and_run(op: MatOp, inputs: Sequence[Batch]) -> Batch:
+def lower_and_run(op: MatOp, inputs: Sequence[Batch], number: Callable[[float], Any] = float) -> Batch:
     """The operation through its scalar code, [instances, rows, columns]."""
     graph = ScalarGraph()
     flat: list[Any] = []
@@ -84,7 +86,7 @@ def lower_and_run(op: MatOp, inputs: Sequence[Batch]) -> Batch:
         flat.extend(entries)
     outputs = op.lower(graph, *nodes)
     count = len(inputs[0]) if inputs else 1
-    results = [np.broadcast_to(r, (count,)) for r in run_graph(graph, outputs, flat)]
+    results = [np.broadcast_to(r, (count,)) for r in run_graph(graph, outputs, flat, number)]
     rows, cols = op.result.type.get_shape()  # type: ignore[attr-defined]
     return np.stack(results, axis=-1).reshape(count, rows, cols)
 
