@@ -2,6 +2,7 @@
 
 A node is an integer. Equal expressions are one node (global value numbering), and the constructors simplify:
 zeros, ones, negations and constants are folded as they are made, so structural zeros of Jacobians cost nothing.
+What would fold to NaN or infinity is left to run time.
 Building a node here costs about a microsecond, an xDSL operation ten to twenty.
 """
 
@@ -71,7 +72,9 @@ class ScalarGraph:
             return a
         kind_a, kind_b = self.kinds[a], self.kinds[b]
         if kind_a == "constant" and kind_b == "constant":
-            return self.constant(self.values[a] + self.values[b])
+            value = self.values[a] + self.values[b]
+            if math.isfinite(value):
+                return self.constant(value)
         if kind_b == "neg":
             return self.sub(a, self.arguments[b][0])
         if kind_a == "neg":
@@ -86,7 +89,9 @@ class ScalarGraph:
         if a == self.zero:
             return self.neg(b)
         if self.kinds[a] == "constant" and self.kinds[b] == "constant":
-            return self.constant(self.values[a] - self.values[b])
+            value = self.values[a] - self.values[b]
+            if math.isfinite(value):
+                return self.constant(value)
         if self.kinds[b] == "neg":
             return self.add(a, self.arguments[b][0])
         if self.kinds[a] == "neg":
@@ -111,7 +116,9 @@ class ScalarGraph:
             return a
         kind_a, kind_b = self.kinds[a], self.kinds[b]
         if kind_a == "constant" and kind_b == "constant":
-            return self.constant(self.values[a] * self.values[b])
+            value = self.values[a] * self.values[b]
+            if math.isfinite(value):
+                return self.constant(value)
         if kind_a == "neg":
             return self.neg(self.mul(self.arguments[a][0], b))
         if kind_b == "neg":
@@ -124,7 +131,9 @@ class ScalarGraph:
                 return self.neg(self.mul(self.constant(-self.values[a]), b))
             if kind_b == "mul" and self.is_constant(self.arguments[b][0]):
                 inner = self.arguments[b]
-                return self.mul(self.constant(self.values[a] * self.values[inner[0]]), inner[1])
+                value = self.values[a] * self.values[inner[0]]
+                if math.isfinite(value):
+                    return self.mul(self.constant(value), inner[1])
             return self._node("mul", (a, b))
         return self._node("mul", (a, b) if a < b else (b, a))
 
@@ -135,8 +144,11 @@ class ScalarGraph:
             return a
         if self.kinds[b] == "constant" and self.values[b] != 0.0:
             if self.kinds[a] == "constant":
-                return self.constant(self.values[a] / self.values[b])
-            if math.frexp(self.values[b])[0] in (0.5, -0.5):  # a power of two: exact as a product
+                value = self.values[a] / self.values[b]
+                if math.isfinite(value):
+                    return self.constant(value)
+            elif math.frexp(self.values[b])[0] in (0.5, -0.5) and math.isfinite(1.0 / self.values[b]):
+                # a power of two: exact as a product
                 return self.mul(self.constant(1.0 / self.values[b]), a)
         if self.kinds[a] == "neg":
             return self.neg(self.div(self.arguments[a][0], b))
@@ -165,8 +177,8 @@ class ScalarGraph:
         if self.kinds[a] == "constant":
             try:
                 return self.constant(UNARY_FUNCTIONS[kind](self.values[a]))
-            except ValueError:
-                pass  # outside its domain: left to run time, where it gives NaN and is reported
+            except (ValueError, OverflowError):
+                pass  # outside its domain: left to run time, where it gives NaN or infinity and is reported
         return self._node(kind, (a,))
 
     # -- sums ----------------------------------------------------------------------------------------------

@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 from yasps import Scene
 from yasps.frontend import materials
 from yasps.frontend.animation import Animation
+from yasps.frontend.collision_geometry import CollisionGeometry
 from yasps.frontend.contact import BarrierContact
 from yasps.frontend.mesh import Mesh
 from yasps.frontend.mesh_file import read_tetrahedral_mesh
@@ -36,7 +37,7 @@ GRAVITY = 9.8  # m/s^2
 DENSITY = 1000.0  # kg/m^3
 SOFT_YOUNGS_MODULUS, SOFT_POISSON_RATIO = 2e4, 0.4  # Pa
 STIFF_YOUNGS_MODULUS = 1e7  # Pa
-CONTACT_STIFFNESS = 1e10  # J/m^4
+CONTACT_FORCE = 10.0  # N, the scale of one pair's force; stiffness = force / distance^3 [J/m^4]
 SIZE = 0.2  # m, height of a rabbit
 FRAMES_PER_PICTURE = 3  # 100 steps of 0.01 s in a second, about 33 pictures
 
@@ -113,6 +114,17 @@ def add_weight_and_inertia(scene: Scene, vertices: Primitive, part: MovingPart, 
     scene.add_energy(vertices.add_attribute("inertia", computed_attribute=inertia))
 
 
+def activation_distance(shape: TetrahedralMesh) -> float:
+    """How near surfaces may come before they repel [m]: 1/200 of the size.
+
+    Less, down to 1/1000, for a surface with narrower gaps or thinner triangles, so that it does not repel itself at rest.
+    """
+    largest, smallest = 5e-3 * SIZE, 1e-3 * SIZE
+    geometry = CollisionGeometry(shape.vertices, shape.surface_triangles(), largest)
+    gap = geometry.active_set(shape.vertices).minimum_distance
+    return float(np.clip(0.8 * gap, smallest, largest))
+
+
 def two_bunnies(
     shape: TetrahedralMesh, time_step: float = 0.01, threads: int | None = None, times: TimeTable | None = None
 ) -> TwoBunnies:
@@ -140,14 +152,15 @@ def two_bunnies(
             (soft.surface_triangles(), stiff.surface_triangles(), floor.triangles), starts, strict=False
         )
     ]
+    distance = activation_distance(soft)
     fixed = np.zeros(union.num_instances, bool)
     fixed[starts[2] :] = True
     contact = BarrierContact(
         everything,
         union,
         np.concatenate(triangles),
-        activation_distance=5e-3 * SIZE,
-        stiffness=CONTACT_STIFFNESS,
+        activation_distance=distance,
+        stiffness=CONTACT_FORCE / distance**3,
         fixed=fixed,
         objects={"soft rabbit": len(soft.vertices), "stiff rabbit": len(stiff.vertices), "ground": len(floor.vertices)},
     )

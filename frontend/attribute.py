@@ -467,15 +467,16 @@ def deepest(attributes: Sequence[Attribute], what: str) -> Entity | None:
             owner, holder = candidate, attribute
         elif candidate not in owner.lineage():
             assert holder is not None
+            pair = f"{what} of {holder.path} and {attribute.path}"
             if candidate.scene is not owner.scene:
                 raise LineageError(
-                    f"{what} of {holder.path} and {attribute.path}: the first belongs to {owner.scene.label}, the second "
-                    f"to another, {candidate.scene.label}. Scenes share nothing; build both parts in one scene."
+                    f"{pair}: the first is of {owner.scene.label}, the second of another, {candidate.scene.label}. "
+                    "Scenes share nothing; build both parts in one scene."
                 )
             raise LineageError(
-                f"{what} of {holder.path} and {attribute.path}: they live on {owner.label} and {candidate.label}, which "
-                "are not of one lineage. Bring one to the other's primitive first: add_attribute(name, "
-                "through=connectivity, source=attribute) is a JOIN, add_attribute(name) on a primitive union a UNION."
+                f"{pair}: they live on {owner.label} and {candidate.label}, which are not of one lineage. Bring one to "
+                "the other's primitive first: add_attribute(name, through=connectivity, source=attribute) is a JOIN, "
+                "add_attribute(name) on a primitive union a UNION."
             )
     return owner
 

@@ -256,7 +256,7 @@ def test_products_of_active_operands_are_not_linear() -> None:
             assert op.is_linear((False, True))
         elif word == "divide":
             assert [op.is_linear(active) for active in ((True, False), (False, True), (True, True))] == [1, 0, 0]
-        elif word in ("sqrt", "exp", "log", "sin", "cos", "norm", "inverse"):
-            assert not op.is_linear((True,))
-        elif word in ("det", "cofactor") and example.shapes[0][0] >= 3:
+        elif word in ("sqrt", "exp", "log", "sin", "cos", "norm", "inverse") or (
+            word in ("det", "cofactor") and example.shapes[0][0] >= 3
+        ):
             assert not op.is_linear((True,))

@@ -64,9 +64,7 @@ def test_every_operation_with_a_shape_law_is_refused_something() -> None:
 
 
 @pytest.mark.parametrize(("word", "shapes", "properties", "message"), WRONG)
-def test_wrong_shapes(
-    word: str, shapes: tuple[Shape, ...], properties: dict[str, Attribute], message: str
-) -> None:
+def test_wrong_shapes(word: str, shapes: tuple[Shape, ...], properties: dict[str, Attribute], message: str) -> None:
     op_class = BY_WORD[word]
     with pytest.raises(ShapeError, match=message):
         op_class.infer(shapes, properties)

@@ -1,0 +1,313 @@
+"""The `rel` dialect: every operation prints and parses back, and every law is checked with names in its message."""
+
+from __future__ import annotations
+
+import re
+
+import pytest
+from xdsl.dialects.builtin import ModuleOp
+from xdsl.ir import Operation
+from xdsl.parser import Parser
+from xdsl.utils.exceptions import ParseError, VerifyException
+
+from yasps.dialects.rel import Rel
+from yasps.passes.pipeline import make_context
+
+SCENE = """
+builtin.module {
+  rel.scene @scene {
+    rel.mesh @m in @scene
+    rel.mesh @n in @scene
+    rel.primitive @m.v in @m size 4 : i64
+    rel.primitive @n.v in @n size 3 : i64
+    rel.primitive @m.p in @m dynamic
+    rel.primitive_union @m.u in @m of [@m.v, @n.v]
+    rel.connectivity @m.p.ends from @m.p to @m.u arity 2 : i64
+    rel.storage @m.v.x on @m.v : tensor<3x1xf64>
+    rel.storage @n.v.x on @n.v : tensor<3x1xf64>
+    rel.storage @m.k on @m : tensor<1x1xf64> constant
+    rel.storage @g on @scene : tensor<1x1xf64> constant
+    rel.attribute @m.u.x on @m.u : tensor<3x1xf64> {
+      %0 = rel.union [@m.v.x, @n.v.x] : tensor<3x1xf64>
+      rel.yield %0 : tensor<3x1xf64>
+    }
+    rel.attribute @m.p.stiffness on @m.p : tensor<1x1xf64> {
+      %1 = rel.data @m.k : tensor<1x1xf64>
+      %2 = rel.data @g : tensor<1x1xf64>
+      %3 = "mat.scale"(%1, %2) : (tensor<1x1xf64>, tensor<1x1xf64>) -> tensor<1x1xf64>
+      rel.yield %3 : tensor<1x1xf64>
+    }
+    rel.attribute @m.p.energy on @m.p : tensor<1x1xf64> output {
+      %4 = rel.join @m.u.x through @m.p.ends : tensor<2x3xf64>
+      %5 = rel.ref @m.p.stiffness : tensor<1x1xf64>
+      %6 = mat.dot %4, %4 : (tensor<2x3xf64>, tensor<2x3xf64>) -> tensor<1x1xf64>
+      %7 = mat.scale %5, %6 : (tensor<1x1xf64>, tensor<1x1xf64>) -> tensor<1x1xf64>
+      rel.yield %7 : tensor<1x1xf64>
+    }
+    rel.attribute @m.v.elsewhere on @m.v : tensor<2x2xf64>
+    rel.attribute @m.v.x.kappa on @m.v : tensor<1x1xi32> {
+      %8 = rel.target_index @m.v.x : tensor<1x1xi32>
+      rel.yield %8 : tensor<1x1xi32>
+    }
+    rel.attribute @n.v.x.kappa on @n.v : tensor<1x2xi32>
+    rel.attribute @m.u.x.kappa on @m.u : tensor<1x2xi32> {
+      %9 = rel.union [@m.v.x.kappa, @n.v.x.kappa] : tensor<1x2xi32>
+      rel.yield %9 : tensor<1x2xi32>
+    }
+    rel.energy @m.p.energy projection "clamp" dynamic
+    rel.target @m.v.x
+    rel.jacobian @m.v.x.jacobian of @m.v.x on @m.v indices @m.v.x.kappa {
+      %10 = rel.data @m.v.x : tensor<3x1xf64>
+      %11 = mat.identity {size = array<i64: 3>} : () -> tensor<3x3xf64>
+      rel.yield_jacobian %11 : tensor<3x3xf64> wrt %10 : tensor<3x1xf64>
+    }
+    rel.derivative @m.p.affine of @m.p.energy on @m.p projection "none" {
+      %12 = rel.join @m.u.x through @m.p.ends : tensor<2x3xf64>
+      %13 = mat.reshape %12 {shape = array<i64: 6, 1>} : (tensor<2x3xf64>) -> tensor<6x1xf64>
+      rel.yield_derivative gradient %13 : tensor<6x1xf64> wrt %12 : tensor<2x3xf64>
+    }
+  }
+  rel.object @energy.object entries ["batch", "call"] {
+    rel.derivative @m.p.derivative of @m.p.energy on @m.p projection "clamp" dynamic indices @m.v.x.kappa \
+projects "6x6" {
+      %14 = rel.join @m.u.x through @m.p.ends : tensor<2x3xf64>
+      %15, %16 = rel.apply @derive(%14) : (tensor<2x3xf64>) -> (tensor<6x1xf64>, tensor<21x1xf64>)
+      %17 = rel.project %16 width 6 : i64 mode "clamp" : tensor<21x1xf64> -> tensor<21x1xf64>
+      rel.yield_derivative gradient %15 : tensor<6x1xf64> hessian %17 : tensor<21x1xf64> wrt %14 : tensor<2x3xf64>
+    }
+  }
+}
+"""
+
+
+def parse(text: str) -> ModuleOp:
+    """The module, not verified."""
+    return Parser(make_context(), text).parse_module()
+
+
+def test_the_scene_of_these_tests_holds_every_operation() -> None:
+    names = {op.name for op in parse(SCENE).walk()}
+    assert {op.name for op in Rel.operations} <= names
+
+
+def test_every_operation_parses_verifies_and_prints_back() -> None:
+    module = parse(SCENE)
+    module.verify()
+    text = str(module)
+    again = parse(text)
+    again.verify()
+    assert str(again) == text
+    assert again.is_structurally_equivalent(module)
+
+
+@pytest.mark.parametrize("op_class", list(Rel.operations), ids=lambda op: op.name)
+def test_custom_syntax(op_class: type[Operation]) -> None:
+    """No operation needs the generic form with quotes."""
+    assert f"{op_class.name} " in str(parse(SCENE))
+    assert f'"{op_class.name}"' not in str(parse(SCENE))
+
+
+def test_optional_words_are_kept() -> None:
+    text = str(parse(SCENE))
+    for line in (
+        "rel.primitive @m.p in @m dynamic",
+        "rel.storage @m.k on @m : tensor<1x1xf64> constant",
+        "rel.attribute @m.p.energy on @m.p : tensor<1x1xf64> output",
+        'rel.energy @m.p.energy projection "clamp" dynamic',
+    ):
+        assert line in text
+
+
+BREAKS: dict[str, tuple[str, str, str]] = {
+    # law: (what stands in the scene, what is put there, message)
+    "a connectivity starts at a primitive": (
+        "from @m.p to @m.u",
+        "from @m to @m.u",
+        "@m.p.ends needs a primitive, but @m is rel.mesh",
+    ),
+    "a connectivity leads to a primitive": (
+        "from @m.p to @m.u",
+        "from @m.p to @m.w",
+        "@m.p.ends names a primitive @m.w, which does not exist",
+    ),
+    "an arity is positive": ("arity 2", "arity 0", "@m.p.ends has arity 0; the least is 1"),
+    "a union is of primitives": (
+        "of [@m.v, @n.v]",
+        "of [@m.v, @n]",
+        "@m.u needs a primitive, but @n is rel.mesh",
+    ),
+    "an energy exists": (
+        "rel.energy @m.p.energy",
+        "rel.energy @m.p.missing",
+        "an energy names an attribute @m.p.missing, which does not exist",
+    ),
+    "an energy is 1x1": (
+        "rel.energy @m.p.energy",
+        "rel.energy @m.v.elsewhere",
+        "an energy is 1x1, but @m.v.elsewhere is 2x2",
+    ),
+    "a projection is known": ('projection "clamp" dynamic\n', 'projection "maybe"\n', "clamp, abs, none, got 'maybe'"),
+    "a target is stored": (
+        "rel.target @m.v.x\n",
+        "rel.target @m.u.x\n",
+        "a target needs a stored variable as target, but @m.u.x is rel.attribute",
+    ),
+    "a target is a variable": ("rel.target @m.v.x\n", "rel.target @m.k\n", "@m.k is a constant; a target must be a"),
+    "a storage holds matrices": (
+        "rel.storage @g on @scene : tensor<1x1xf64>",
+        "rel.storage @g on @scene : f64",
+        "g must be a matrix tensor<RxCxf64>, not f64",
+    ),
+    "data is read with its type": (
+        "rel.data @m.k : tensor<1x1xf64>",
+        "rel.data @m.k : tensor<1x1xi32>",
+        "@m.p.stiffness uses @m.k as tensor<1x1xi32>, but it is tensor<1x1xf64>",
+    ),
+    "data exists": (
+        "rel.data @m.k",
+        "rel.data @m.j",
+        "@m.p.stiffness names an attribute @m.j, which does not exist",
+    ),
+    "data is of the lineage (other primitive)": (
+        "rel.data @m.k : tensor<1x1xf64>",
+        "rel.data @m.v.x : tensor<3x1xf64>",
+        "@m.p.stiffness lives on @m.p and reads @m.v.x of @m.v: attributes of different lineages meet only through",
+    ),
+    "data is of the lineage (other mesh)": (
+        "rel.storage @m.k on @m ",
+        "rel.storage @m.k on @n ",
+        "@m.p.stiffness lives on @m.p and reads @m.k of @n",
+    ),
+    "a reference is of the lineage": (
+        "rel.ref @m.p.stiffness : tensor<1x1xf64>",
+        "rel.ref @m.u.x : tensor<3x1xf64>",
+        "@m.p.energy lives on @m.p and reads @m.u.x of @m.u",
+    ),
+    "a JOIN goes through a connectivity": (
+        "through @m.p.ends : tensor<2x3xf64>\n      %5",
+        "through @m.p.stiffness : tensor<2x3xf64>\n      %5",
+        "@m.p.energy needs a connectivity, but @m.p.stiffness is rel.attribute",
+    ),
+    "a JOIN's connectivity starts at the owner": (
+        "from @m.p to @m.u",
+        "from @m.v to @m.u",
+        "@m.p.energy lives on @m.p, but connectivity @m.p.ends starts at @m.v",
+    ),
+    "a JOIN's source lives where the connectivity leads": (
+        "rel.join @m.u.x through @m.p.ends : tensor<2x3xf64>\n      %5",
+        "rel.join @m.v.x through @m.p.ends : tensor<2x3xf64>\n      %5",
+        "@m.p.energy joins @m.v.x of @m.v through @m.p.ends, which leads to @m.u",
+    ),
+    "a JOIN has a row for each slot": (
+        "arity 2",
+        "arity 3",
+        "@m.p.energy: a JOIN of arity 3 of 3x1 values is 3x3, not tensor<2x3xf64>",
+    ),
+    "a UNION lives on a primitive union": (
+        "rel.attribute @m.u.x on @m.u :",
+        "rel.attribute @m.u.x on @m.v :",
+        "@m.u.x needs a primitive union, but @m.v is rel.primitive",
+    ),
+    "a UNION has all members": (
+        "rel.union [@m.v.x, @n.v.x]",
+        "rel.union [@m.v.x]",
+        "@m.u.x unites 1 attributes, but @m.u has 2 members",
+    ),
+    "a UNION's members come in order": (
+        "rel.union [@m.v.x, @n.v.x]",
+        "rel.union [@n.v.x, @m.v.x]",
+        "@m.u.x: @n.v.x lives on @n.v, expected @m.v",
+    ),
+    "a UNION's members have one shape": (
+        "rel.storage @n.v.x on @n.v : tensor<3x1xf64>",
+        "rel.storage @n.v.x on @n.v : tensor<2x1xf64>",
+        "@m.u.x is 3x1, but @n.v.x is 2x1",
+    ),
+    "a UNION of placement indices is as long as the longest": (
+        "rel.attribute @n.v.x.kappa on @n.v : tensor<1x2xi32>",
+        "rel.attribute @n.v.x.kappa on @n.v : tensor<1x3xi32>",
+        "@m.u.x.kappa is 1x2, but @n.v.x.kappa is 1x3",
+    ),
+    "a placement index is of a stored variable": (
+        "rel.target_index @m.v.x",
+        "rel.target_index @m.v.elsewhere",
+        "@m.v.x.kappa needs a stored variable, but @m.v.elsewhere is rel.attribute",
+    ),
+    "an attribute ends with its value": (
+        "rel.yield %3 : tensor<1x1xf64>",
+        "",
+        "@m.p.stiffness must end with rel.yield",
+    ),
+    "an attribute's value has its type": (
+        "rel.attribute @m.p.stiffness on @m.p : tensor<1x1xf64>",
+        "rel.attribute @m.p.stiffness on @m.p : tensor<2x2xf64>",
+        "@m.p.stiffness as tensor<2x2xf64>, but it is tensor<1x1xf64>|uses @m.p.stiffness as tensor<1x1xf64>",
+    ),
+    "an owner is an entity": (
+        "rel.attribute @m.p.stiffness on @m.p :",
+        "rel.attribute @m.p.stiffness on @m.k :",
+        "@m.k is rel.storage, not a scene, mesh or primitive",
+    ),
+    "a gradient has an entry for each input": (
+        "gradient %13 : tensor<6x1xf64> wrt %12",
+        "gradient %12 : tensor<2x3xf64> wrt %12",
+        "the gradient with respect to 6 entries is 6x1, got 2x3",
+    ),
+    "a Hessian is square or packed": (
+        "hessian %17 : tensor<21x1xf64>",
+        "hessian %15 : tensor<6x1xf64>",
+        "the Hessian with respect to 6 entries is 6x6 .*, got 6x1",
+    ),
+    "a Jacobian has a column for each input": (
+        "rel.yield_jacobian %11 : tensor<3x3xf64> wrt %10 : tensor<3x1xf64>",
+        "rel.yield_jacobian %10 : tensor<3x1xf64> wrt %11 : tensor<3x3xf64>",
+        "a Jacobian with respect to 9 entries has 9 columns, got 3x1",
+    ),
+    "a packed triangle has the size of its width": (
+        "width 6 : i64",
+        "width 5 : i64",
+        "the upper triangle of a 5x5 matrix has 15 entries",
+    ),
+    "a projection mode is known": ('mode "clamp"', 'mode "none"', "mode must be one of clamp, abs, got 'none'"),
+    "names are unique": (
+        "rel.mesh @n in @scene",
+        "rel.mesh @m in @scene",
+        'Redefinition of symbol "m"',
+    ),
+}
+
+
+@pytest.mark.parametrize("law", BREAKS)
+def test_laws(law: str) -> None:
+    old, new, message = BREAKS[law]
+    assert old in SCENE
+    broken = parse(SCENE.replace(old, new))
+    with pytest.raises(VerifyException) as error:
+        broken.verify()
+    assert re.search(message.replace("[", r"\[").replace("<", r"\<"), str(error.value)), str(error.value)
+
+
+def test_every_law_is_broken_by_a_test() -> None:
+    """Each message of laws.py is seen: a new law needs an entry in `BREAKS`."""
+    from pathlib import Path
+
+    from yasps.dialects.rel import laws
+
+    source = Path(laws.__file__).read_text(encoding="utf-8")
+    assert source.count("raise VerifyException(") + source.count("_same_type(user") == 17, (
+        "laws.py raises in more or fewer places than this test knows: add or remove laws in BREAKS, then count again"
+    )
+
+
+def test_objects_see_what_the_scene_declares() -> None:
+    module = parse(SCENE.replace("rel.connectivity @m.p.ends", "rel.connectivity @m.p.pairs"))
+    with pytest.raises(VerifyException, match="names a connectivity @m.p.ends, which does not exist"):
+        module.verify()
+
+
+@pytest.mark.parametrize(
+    "text", ["rel.mesh @m", "rel.energy @e", "rel.storage @s on @m", "rel.connectivity @c from @a to @b"]
+)
+def test_incomplete_declarations_do_not_parse(text: str) -> None:
+    with pytest.raises(ParseError):
+        parse(text)
