@@ -153,13 +153,13 @@ class Interpreter:
     def apply(self, op: ApplyOp, values: dict[SSAValue, Batch]) -> None:
         """Calls a scalar function on all instances."""
         function = self.functions[name_of(op.function)]
-        flat = [entry for v in op.inputs for entry in values[v].reshape(len(values[v]), -1).T]
+        flat = [values[v][:, i, j] for v in op.inputs for i in range(shape_of(v)[0]) for j in range(shape_of(v)[1])]
         results = run_function(function, flat)
         start = 0
         for value in op.values:
             rows, cols = shape_of(value)
             entries = np.broadcast_arrays(*results[start : start + rows * cols])
-            values[value] = np.stack(entries, axis=-1).reshape(-1, rows, cols)
+            values[value] = np.stack(entries, axis=-1).reshape(len(entries[0]), rows, cols)
             start += rows * cols
 
     # -- derivatives ---------------------------------------------------------------------------------------
@@ -192,6 +192,14 @@ class Interpreter:
             if local_hessian is not None:
                 hessian = hessian + inputs.T @ _block_diagonal(local_hessian) @ inputs
         return gradient, sparse.csr_array(hessian)
+
+    def gradient(self) -> NDArray[Any]:
+        """Gradient [unknowns] of all energies with respect to all targets."""
+        gradient: NDArray[Any] = np.zeros(self.unknowns)
+        for derivative in self.scene.derivatives:
+            local_gradient, _ = self.local_derivative(derivative)
+            gradient = gradient + self.stacked_inputs(derivative, len(local_gradient)).T @ local_gradient.ravel()
+        return gradient
 
     def stacked_inputs(self, op: DerivativeOp | JacobianOp, count: int) -> sparse.csr_array:
         """Derivative of all boundary inputs of all instances with respect to all unknowns."""

@@ -19,7 +19,7 @@ from yasps.frontend.attribute import Attribute, FloatArray, Joined, Stored, oper
 from yasps.frontend.connectivity import Connectivity
 from yasps.frontend.emit import EnergyTerm, SceneEmitter
 from yasps.frontend.entity import Entity
-from yasps.frontend.errors import NotFiniteError, YaspsError
+from yasps.frontend.errors import NotFiniteError, UnsupportedSceneError
 from yasps.frontend.primitive import Primitive, PrimitiveUnion
 from yasps.passes.errors import CompileError
 from yasps.passes.pipeline import run_pipeline
@@ -29,10 +29,6 @@ from yasps.runtime.library import Projection, Runtime
 from yasps.runtime.solver import PcgSolver, SolveReport
 
 MODES = {"clamp": Projection.CLAMP, "abs": Projection.ABS, "none": Projection.NONE}
-
-
-class UnsupportedSceneError(YaspsError):
-    """The scene is well-formed, but this version can't compile it."""
 
 
 @dataclass(frozen=True)

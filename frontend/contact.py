@@ -96,7 +96,8 @@ class BarrierContact:
     mesh: where the primitives are added (and its constants `squared_reach` [m^2] and `stiffness` [J/m^4]).
     vertices: a primitive or union with a 3x1 attribute `position`. triangles: [m, 3] into it, the whole surface.
     activation_distance: pairs closer than this repel [m]. stiffness [J/m^4]: kappa of eq. 8.
-    fixed: [n] bool, vertices that never move. objects: name -> number of vertices in order, for messages.
+    fixed: [n] bool, vertices that never move. group: [n] int, pairs inside one group (of a stiff body, say) don't repel;
+    negative means no group. objects: name -> number of vertices in order, for messages.
 
     Raises SceneError, DataError, IntersectionError (if surfaces intersect now), ValueError for wrong shapes.
     """
@@ -110,6 +111,7 @@ class BarrierContact:
         activation_distance: float,
         stiffness: float,
         fixed: ArrayLike | None = None,
+        group: ArrayLike | None = None,
         objects: Mapping[str, int] | None = None,
         projection: str = "clamp",
     ) -> None:
@@ -119,7 +121,7 @@ class BarrierContact:
         if self.position.shape != (3, 1):
             raise SceneError(f"contact needs 3x1 positions, but {self.position.path} is {self.position.shape}")
         positions = self.positions()
-        self.geometry = CollisionGeometry(positions, triangles, activation_distance, fixed=fixed, objects=objects)
+        self.geometry = CollisionGeometry(positions, triangles, activation_distance, fixed=fixed, group=group, objects=objects)
         self.geometry.check_intersection_free(positions)
         reach = mesh.add_constant("squared_reach", 1, 1, value=activation_distance**2)
         kappa = mesh.add_constant("stiffness", 1, 1, value=stiffness)

@@ -33,10 +33,6 @@ class Entity(abc.ABC):
     """A scene, mesh, primitive or primitive union."""
 
     kind = "entity"
-    is_dynamic = False
-    """May the number of instances change?"""
-    follows_data = False
-    """Does the number of instances follow from the data given? On dynamic primitives it does."""
 
     def __init__(self, name: str, parent: Entity | None) -> None:
         self.name = name
@@ -53,6 +49,16 @@ class Entity(abc.ABC):
     @abc.abstractmethod
     def num_instances(self) -> int:
         """How many instances it has; meshes and scenes have one."""
+
+    @property
+    def is_dynamic(self) -> bool:
+        """May the number of instances change?"""
+        return False
+
+    @property
+    def follows_data(self) -> bool:
+        """Does the number of instances follow from the data given? On dynamic primitives it does."""
+        return False
 
     def set_num_instances(self, count: int) -> None:
         """Notes the new number of instances of a dynamic primitive; raises SceneError for a change of anything else."""

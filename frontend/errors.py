@@ -35,3 +35,7 @@ class NotFiniteError(YaspsError, ArithmeticError):
 
 class NotConvergedError(YaspsError, ArithmeticError):
     """A solver stopped before it reached its tolerance."""
+
+
+class UnsupportedSceneError(YaspsError):
+    """The scene is well-formed, but this version can't compile it."""

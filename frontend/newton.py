@@ -19,6 +19,10 @@ from yasps.frontend.progress import TimeTable
 from yasps.frontend.scene import Scene
 
 
+ROUNDING = 1e-15
+"""Relative change of a total energy that is only rounding."""
+
+
 @dataclass(frozen=True)
 class NewtonSettings:
     """When to stop and how hard to try.
@@ -85,7 +89,7 @@ def minimize(
 
     positions: 3x1 attributes whose movement is measured (and, with contact, bounded; they are contact.position then).
     Stops when the Newton direction moves no vertex by settings.velocity_tolerance * time_step; that last direction is not
-    taken. Each step is bounded by CCD and halved until the energy does not grow.
+    taken. Each step is bounded by CCD and halved until the energy does not grow (but for rounding).
 
     Raises NotConvergedError after settings.max_iterations, or when the linear solver or the line search fails; the targets
     then have the last accepted values.
@@ -124,13 +128,12 @@ def minimize(
             if contact is not None:
                 contact.update(before)
             return report
-        if report.iterations > settings.max_iterations:
-            motion.write(motion.start)
+        _line_search(scene, motion, directions, energy, before, after, contact, settings, times, report)
+        if report.iterations >= settings.max_iterations:
             raise NotConvergedError(
-                f"no convergence in {settings.max_iterations} Newton iterations: the last direction still moves a vertex at "
+                f"no convergence in {settings.max_iterations} Newton iterations: the last direction still moved a vertex at "
                 f"{report.largest_velocity:.3g} m/s (tolerance {settings.velocity_tolerance:.3g})"
             )
-        _line_search(scene, motion, directions, energy, before, after, contact, settings, times, report)
 
 
 def _line_search(
@@ -162,7 +165,7 @@ def _line_search(
                 contact.update(now, candidates)
         with times.stage("energy"):
             trial = scene.total_energy()
-        if trial <= energy:
+        if trial <= energy + ROUNDING * abs(energy):
             report.step_lengths.append(step)
             return
         step /= 2

@@ -84,8 +84,17 @@ class Primitive(PrimitiveBase):
     def __init__(self, name: str, mesh: Mesh, num_instances: int, is_dynamic: bool) -> None:
         super().__init__(name, mesh)
         self._num_instances = num_instances
-        self.is_dynamic = is_dynamic
-        self.follows_data = is_dynamic
+        self._is_dynamic = is_dynamic
+
+    @property
+    def is_dynamic(self) -> bool:
+        """May the number of instances change?"""
+        return self._is_dynamic
+
+    @property
+    def follows_data(self) -> bool:
+        """A dynamic primitive has as many instances as the data it is given."""
+        return self._is_dynamic
 
     @property
     def num_instances(self) -> int:
@@ -166,7 +175,11 @@ class PrimitiveUnion(PrimitiveBase):
     def __init__(self, name: str, mesh: Mesh, members: Sequence[PrimitiveBase]) -> None:
         super().__init__(name, mesh)
         self.members = tuple(members)
-        self.is_dynamic = any(member.is_dynamic for member in self.members)
+
+    @property
+    def is_dynamic(self) -> bool:
+        """Whether a member is."""
+        return any(member.is_dynamic for member in self.members)
 
     @property
     def num_instances(self) -> int:

@@ -59,15 +59,27 @@ def size_of(value: SSAValue) -> int:
     return rows * cols
 
 
+def _used_nonlinearly(dependence: DependenceMap) -> list[SSAValue]:
+    """The affine values that the energy's Hessian depends on: not those that are but terms of the energy."""
+    bending = [
+        op for op in dependence.block.ops if isinstance(op, MatOp) and dependence[op.result] is Dependence.NONLINEAR
+    ]
+    bent: set[SSAValue] = set()
+    for op in reversed(bending):  # users before what they use
+        if op.result in bent or not op.is_linear([dependence.is_active(operand) for operand in op.operands]):
+            bent.update(op.operands)
+    operands = dict.fromkeys(operand for op in bending for operand in op.operands)
+    return [value for value in operands if value in bent and dependence[value] is Dependence.AFFINE]
+
+
 def linear_cut(dependence: DependenceMap, inputs: list[SSAValue]) -> list[SSAValue]:
     """The smallest set of affine values through which the energy sees its inputs; the inputs if none is smaller.
 
-    A minimum vertex cut between the inputs and the operations that are not affine, each value weighing as many entries as
-    it has; of equal cuts the one nearest to the energy.
+    A minimum vertex cut between the inputs and the operations that are not affine, each value weighing as many entries
+    as it has; of equal cuts the one nearest to the energy.
     """
     values: dict[SSAValue, int] = {}
     edges: list[tuple[SSAValue, SSAValue]] = []
-    ends: dict[SSAValue, None] = {}
     for value in inputs:
         values[value] = len(values)
     for op in dependence.block.ops:
@@ -77,15 +89,13 @@ def linear_cut(dependence: DependenceMap, inputs: list[SSAValue]) -> list[SSAVal
         if dependence[op.result] is Dependence.AFFINE:
             values[op.result] = len(values)
             edges += [(operand, op.result) for operand in affine]
-        elif dependence[op.result] is Dependence.NONLINEAR:
-            ends.update(dict.fromkeys(affine))
     # Every value is an edge from node 2 k to node 2 k + 1, as heavy as it has entries.
     source, sink = 2 * len(values), 2 * len(values) + 1
     unbounded = sum(size_of(value) for value in values) + 1
     arcs = [(2 * k, 2 * k + 1, size_of(value)) for value, k in values.items()]
     arcs += [(2 * values[a] + 1, 2 * values[b], unbounded) for a, b in edges]
     arcs += [(source, 2 * values[value], unbounded) for value in inputs]
-    arcs += [(2 * values[value] + 1, sink, unbounded) for value in ends]
+    arcs += [(2 * values[value] + 1, sink, unbounded) for value in _used_nonlinearly(dependence)]
     rows, cols, weights = (np.array(column, np.int32) for column in zip(*arcs, strict=True))
     graph = csr_array((weights, (rows, cols)), shape=(sink + 1, sink + 1))
     flow = maximum_flow(graph, source, sink)

@@ -64,9 +64,11 @@ def run_pipeline(
         stage += 1
 
     thresholds = gc.get_threshold()
-    gc.set_threshold(100_000, 50, 50)  # many small long-lived objects: default collections double the time
+    relaxed = (100_000, 50, 50)  # many small long-lived objects: default collections double the time
+    gc.set_threshold(*relaxed)
     try:
         PassPipeline(PIPELINE, finished).apply(make_context(), module)
     finally:
-        gc.set_threshold(*thresholds)
+        if thresholds != relaxed:  # else another thread is compiling too and puts the old ones back
+            gc.set_threshold(*thresholds)
     return module

@@ -15,6 +15,7 @@ from yasps.frontend.errors import (
     NotFiniteError,
     SceneError,
     ShapeMismatchError,
+    UnsupportedSceneError,
     YaspsError,
 )
 from yasps.frontend.mesh import Mesh
@@ -44,6 +45,7 @@ __all__ = [
     "SceneError",
     "ShapeMismatchError",
     "Solution",
+    "UnsupportedSceneError",
     "YaspsError",
     "__version__",
     "addScene",

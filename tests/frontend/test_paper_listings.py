@@ -21,7 +21,7 @@ BUNNY_VERTEX_POSITIONS = CUBE.reshape(-1)
 NUM_BUNNY_VERTEX = 8
 TET_INDICES = CUBE_TETS
 NUM_TETS = 6
-SOFT_REST = CUBE + [1.2, 0.0, 0.0]
+SOFT_REST = CUBE + np.array([1.2, 0.0, 0.0])
 SOFT_NOW = SOFT_REST + 0.05 * np.random.default_rng(7).standard_normal((8, 3))
 DHAT = 0.09
 KAPPA = 10.0
@@ -38,7 +38,7 @@ def stable_neo_hookean(x: Attribute, rest: Attribute) -> Attribute:
     return (strain - 3) - (strain + 1).log() + (J - 1.5) * (J - 1.5)
 
 
-def point_point(position, dHat, kappa):  # type: ignore[no-untyped-def]
+def point_point(position: Attribute, dHat: float, kappa: float) -> Attribute:
     p0 = position.row(0)
     p1 = position.row(1)
     d = (p1 - p0).dot(p1 - p0)
@@ -157,7 +157,7 @@ def test_primitives_are_reached_as_printed(paper: SimpleNamespace) -> None:
     assert paper.bunny_affine.affine_body.numInstances == 1
     assert paper.bunny_affine.tets.num_instances == NUM_TETS
     assert paper.bunnies.vertices.num_instances == 16
-    assert paper.bunnies.pp.isDynamic if hasattr(paper.bunnies.pp, "isDynamic") else paper.bunnies.pp.is_dynamic
+    assert paper.bunnies.pp.isDynamic
 
 
 def test_shapes_are_the_printed_ones(paper: SimpleNamespace) -> None:
@@ -232,7 +232,8 @@ def test_negative_result_descends(paper: SimpleNamespace) -> None:
 
     step = 1e-4
     change = (energy_at(step) - energy_at(-step)) / (2 * step)
-    assert energy_at(1e-3) < energy_at(0.0)
+    ahead, here = energy_at(1e-3), energy_at(0.0)
+    assert ahead < here
     assert slope < 0
     assert change == pytest.approx(slope, rel=1e-5)
 

@@ -1,0 +1,160 @@
+"""Programs: which objects there are, what the cache shares, and what is reported when something is wrong."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from small_scenes import mixed_union, shared_targets, soft_tets, stable_neo_hookean
+
+from yasps import NotFiniteError, Scene
+from yasps.backend.cpp_object import ObjectEmitter
+from yasps.backend.scene_view import SceneView
+from yasps.frontend.compiled_scene import CompiledScene
+from yasps.runtime.toolchain import CompilerNotFoundError
+
+
+def _text_of(compiled: CompiledScene, name: str) -> str:
+    return compiled.program.codes[name].text
+
+
+# -- sharing -----------------------------------------------------------------------------------------------
+
+
+def _two_bodies() -> Scene:
+    """Two meshes of tetrahedra with the same energy."""
+    scene = soft_tets(name="two")
+    mesh = scene.add_mesh("second")
+    random = np.random.default_rng(2)
+    vertices, tets = mesh.add_primitive("points", 5), mesh.add_primitive("cells", 2)
+    rest = random.random((5, 3))
+    vertices.add_constant("X", 3, 1, value=rest)
+    vertices.add_attribute("y", 3, 1, value=rest + 0.1 * random.random((5, 3)))
+    corners = tets.add_connectivity("vs", vertices, [[0, 1, 2, 3], [1, 2, 3, 4]], 4)
+    energy = stable_neo_hookean(tets, corners, vertices["y"], vertices["X"])
+    scene.add_energy(tets.add_attribute("psi", computed_attribute=energy))
+    scene.add_minimize_target(vertices["y"])
+    return scene
+
+
+def test_energies_of_equal_text_are_one_object() -> None:
+    compiled = _two_bodies().compile()
+    codes = compiled.program.codes
+    for first, second in (("m.t.elastic", "second.cells.psi"), ("m.v.x.kappa", "second.points.y.kappa")):
+        assert codes[first].symbol == codes[second].symbol
+        assert codes[first].bindings != codes[second].bindings
+    assert codes["m.t.elastic.derivative"].symbol == codes["second.cells.psi.derivative"].symbol
+    names = [module.name for module in compiled.report.modules]
+    assert not {"m.t.elastic", "second.cells.psi"} <= set(names)
+
+
+def test_shared_objects_read_their_own_numbers() -> None:
+    scene = _two_bodies()
+    energies = scene.energy_values()
+    alone = soft_tets().energy_values()["m.t.elastic"]
+    assert np.array_equal(energies["m.t.elastic"], alone)
+    assert energies["second.cells.psi"].shape == (2,)
+    assert not np.isclose(energies["second.cells.psi"][0], alone[0])
+
+
+def test_equal_scenes_of_different_names_share_the_cache() -> None:
+    soft_tets(name="first").compile()
+    again = soft_tets(name="second", stretch=0.1).compile()
+    assert all(module.cached for module in again.report.modules)
+    assert again.report.compiled == 0
+
+
+def test_scenes_of_one_name_side_by_side_do_not_meet() -> None:
+    """Same structure, so the same library is loaded twice; each has its own pointers."""
+    first, second = soft_tets(stretch=0.3), soft_tets(stretch=0.1)
+    a, b = first.total_energy(), second.total_energy()
+    assert abs(a - b) > 1e-3
+    assert first.total_energy() == a
+    gradients = [scene.gradient()[0] for scene in (first, second, first)]
+    assert np.array_equal(gradients[0], gradients[2])
+    assert not np.allclose(gradients[0], gradients[1])
+    second.m.v["x"].update_value(first.m.v["x"].value)
+    assert second.total_energy() == a
+
+
+def test_texts_name_nothing_of_the_scene() -> None:
+    """What is generated depends on structure alone; the cache could not be shared otherwise."""
+    compiled = mixed_union().compile()
+    for name, code in compiled.program.codes.items():
+        for word in ("mixed", "stiff", "soft", "both.", "barrier", "swell"):
+            assert word not in code.text, name
+
+
+def test_text_is_the_same_when_emitted_twice() -> None:
+    modules = [mixed_union().compile().module for _ in range(2)]
+    texts = [[code.text for code in ObjectEmitter(SceneView(module), True).emit_all()] for module in modules]
+    assert texts[0] == texts[1]
+
+
+def test_files_include_no_headers() -> None:
+    for code in shared_targets().compile().program.codes.values():
+        assert "#include" not in code.text
+
+
+def test_every_object_has_the_entries_it_is_wanted_for() -> None:
+    program = mixed_union().compile().program
+    assert program.codes["both.v.x"].entries == ("value", "pull")
+    assert program.codes["both.pp.barrier"].entries == ("batch",)
+    assert program.codes["both.pp.barrier.derivative"].entries == ("derive",)
+    assert program.codes["stiff.v.x.jacobian"].entries == ("pull",)
+    for name, code in program.codes.items():
+        for entry in code.entries:
+            assert program.function(name, entry) != 0
+
+
+def test_generated_sources_are_dumped_under_the_users_names(tmp_path: Path) -> None:
+    scene = soft_tets()
+    scene.dump_ir(tmp_path)
+    generated = {path.name for path in (tmp_path / "generated").iterdir()}
+    assert {"m.t.elastic.cpp", "m.t.elastic.derivative.cpp", "m.v.x.kappa.cpp"} <= generated
+    assert (tmp_path / "00-frontend.mlir").exists()
+
+
+def test_the_dump_folder_of_the_environment(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("YASPS_DUMP_IR", str(tmp_path))
+    soft_tets(name="watched").compile()
+    assert (tmp_path / "watched" / "08-outline-modules.mlir").exists()
+
+
+# -- errors ------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("instance", [0, 7, 8, 12])
+def test_what_is_not_finite_is_reported_with_energy_and_instance(instance: int) -> None:
+    """log of a negative number, in the first pack, on its last lane and in the second."""
+    scene = Scene("s")
+    points = scene.add_mesh("m").add_primitive("v", 13)
+    x = points.add_attribute("x", 1, 1, value=np.full(13, 2.0))
+    scene.add_energy(points.add_attribute("fine", computed_attribute=x * x))
+    scene.add_energy(points.add_attribute("logarithm", computed_attribute=x.log() * x))
+    scene.add_minimize_target(x)
+    scene.gradient()
+    values = np.full(13, 2.0)
+    values[instance] = -1.0
+    x.update_value(values)
+    with pytest.raises(NotFiniteError, match=rf"energy m\.v\.logarithm are not finite on instance {instance};"):
+        scene.minimize_energy()
+    assert np.isnan(scene.total_energy())
+    x.update_value(np.full(13, 2.0))
+    assert np.isfinite(scene.gradient()[0]).all()
+
+
+def test_the_first_bad_instance_is_named() -> None:
+    scene = mixed_union(pairs=[[0, 7], [1, 9], [6, 6], [5, 5]])  # a point with itself: log 0
+    with pytest.raises(NotFiniteError, match=r"both\.pp\.barrier are not finite on instance 2"):
+        scene.solve()
+
+
+def test_a_missing_compiler_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("YASPS_CXX", "no-such-compiler -O3")
+    scene = soft_tets()
+    with pytest.raises(CompilerNotFoundError, match="YASPS_CXX names the C\\+\\+ compiler 'no-such-compiler -O3'"):
+        scene.gradient()
+    monkeypatch.delenv("YASPS_CXX")
+    assert len(scene.gradient()) == 1  # the failure left nothing behind
