@@ -233,8 +233,34 @@ class YieldJacobianOp(IRDLOperation):
             raise VerifyException(f"a Jacobian with respect to {count} entries has {count} columns, got {spell(shape)}")
 
 
+@irdl_op_definition
+class YieldCurvatureOp(IRDLOperation):
+    """Hessian (q x q) of <v, h(w)> for the cotangent v that the body takes, with respect to the q entries of `wrt`.
+
+    After `lower-to-scalar` it is the packed upper triangle.
+    """
+
+    name = "rel.yield_curvature"
+    hessian = operand_def()
+    wrt = var_operand_def()
+    traits = traits_def(IsTerminator())
+    irdl_options = (ParsePropInAttrDict(),)
+    assembly_format = "$hessian `:` type($hessian) `wrt` $wrt `:` type($wrt) attr-dict"
+
+    def __init__(self, hessian: SSAValue, wrt: Sequence[SSAValue]) -> None:
+        super().__init__(operands=[hessian, list(wrt)])
+
+    def verify_(self) -> None:
+        count = _total(self.wrt)
+        if shape_of(self.hessian) not in {(count, count), (packed_size(count), 1)}:
+            raise VerifyException(
+                f"a Hessian with respect to {count} entries is {count}x{count} (or its packed upper triangle), "
+                f"got {spell(shape_of(self.hessian))}"
+            )
+
+
 READS = (DataOp, RefOp, JoinOp, UnionOp, TargetIndexOp)
-OPS = (*READS, ApplyOp, ProjectOp, YieldOp, YieldDerivativeOp, YieldJacobianOp)
+OPS = (*READS, ApplyOp, ProjectOp, YieldOp, YieldDerivativeOp, YieldJacobianOp, YieldCurvatureOp)
 
 __all__ = [
     "OPS",
@@ -247,6 +273,7 @@ __all__ = [
     "RefOp",
     "TargetIndexOp",
     "UnionOp",
+    "YieldCurvatureOp",
     "YieldDerivativeOp",
     "YieldJacobianOp",
     "YieldOp",

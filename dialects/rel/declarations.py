@@ -247,7 +247,8 @@ class DerivativeOp(Declaration):
     """Gradient and Hessian of an energy with respect to its boundary inputs (paper, 5.3).
 
     `indices` names the attribute that computes where they go (appendix A); `projects` says where the Hessian is
-    made positive semi-definite, how wide and why.
+    made positive semi-definite, how wide and why. A `curved` energy reads attributes that are nonlinear in the targets:
+    the curvature term of eq. 3 is added, and its Hessian is projected as a whole, expanded to the targets (7.2).
     """
 
     name = "rel.derivative"
@@ -257,11 +258,12 @@ class DerivativeOp(Declaration):
     dynamic = opt_prop_def(UnitAttr)
     indices = opt_prop_def(SymbolRefAttr)
     projects = opt_prop_def(StringAttr)
+    curved = opt_prop_def(UnitAttr)
     body = region_def("single_block")
     traits = traits_def(IsolatedFromAbove())
     assembly_format = (
         "$sym_name `of` $attribute `on` $owner `projection` $projection (`dynamic` $dynamic^)? "
-        "(`indices` $indices^)? (`projects` $projects^)? attr-dict-with-keyword $body"
+        "(`curved` $curved^)? (`indices` $indices^)? (`projects` $projects^)? attr-dict-with-keyword $body"
     )
 
     def __init__(self, name: str, energy: EnergyOp, owner: SymbolRefAttr, body: Block) -> None:
@@ -297,6 +299,26 @@ class JacobianOp(Declaration):
         )
 
 
+@irdl_op_definition
+class CurvatureOp(Declaration):
+    """Second derivatives of a nonlinear attribute h, contracted with a cotangent v: the Hessian of <v, h(w)>.
+
+    This is the second term of eq. 3 in adjoint form: one q x q matrix, never a third-order object.
+    """
+
+    name = "rel.curvature"
+    attribute = prop_def(SymbolRefAttr)
+    owner = prop_def(SymbolRefAttr)
+    body = region_def("single_block")
+    traits = traits_def(IsolatedFromAbove())
+    assembly_format = "$sym_name `of` $attribute `on` $owner attr-dict-with-keyword $body"
+
+    def __init__(self, name: str, attribute: SymbolRefAttr, owner: SymbolRefAttr, body: Block) -> None:
+        super().__init__(
+            properties={"sym_name": StringAttr(name), "attribute": attribute, "owner": owner}, regions=[Region(body)]
+        )
+
+
 def name_of(reference: SymbolRefAttr) -> str:
     """The symbol a reference names."""
     return reference.root_reference.data
@@ -320,4 +342,5 @@ OPS = (
     TargetOp,
     DerivativeOp,
     JacobianOp,
+    CurvatureOp,
 )
