@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 
 from xdsl.ir import SSAValue
 
+from yasps.backend.cpp_curvature import dense_hessian
 from yasps.backend.scene_view import Slot
 from yasps.dialects.mat import shape_of
 from yasps.dialects.rel import ApplyOp, DerivativeOp, ProjectOp, YieldDerivativeOp
@@ -48,10 +49,13 @@ def derivative_body(text: _ObjectText, derivative: DerivativeOp) -> list[str]:
         "for (long l = 0; l < lanes; ++l)",
         "    if (check[l] != 0.0) return first + l;  // not finite",
     ]
-    if hessian is not None:
-        lines.append("if (sink->blocks) {")
-        lines += [f"    {line}" for line in _hessian(text, terminator, names, slots, n=n, capacity=capacity)]
-        lines.append("}")
+    scatter: list[str] = []
+    if derivative.curved is not None:
+        scatter = dense_hessian(text, slots, capacity, "middle" if hessian is not None else None)
+    elif hessian is not None:
+        scatter = _hessian(text, terminator, names, slots, n=n, capacity=capacity)
+    if scatter:
+        lines += ["if (sink->blocks) {", *(f"    {line}" for line in scatter), "}"]
     lines += _scatter_gradient(text, slots, capacity)
     return [
         "for (long first = begin; first < end; first += 8) {",

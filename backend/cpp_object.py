@@ -9,6 +9,9 @@ Entry points of an object X:
 - `X_batch(a, begin, end, out)`: the attribute on instances [begin, end);
 - `X_pull(a, i, b, n, out)`: rows of J^T b for an attribute with Jacobian J on instance i and a p x n matrix b, expanded
   down to the targets; returns how many rows there are;
+- `X_second(a, i, v, out)`: packed Hessian of <v, h> of a nonlinear attribute h with respect to its boundary inputs;
+- `X_curve(a, i, v, out, n)`: the same expanded down to the targets, with the curvature of all that is behind, added to
+  the n x n matrix `out`;
 - `X_derive(a, begin, end, sink)`: an energy's derivatives, added to the global gradient and Hessian.
 """
 
@@ -23,12 +26,14 @@ from xdsl.dialects.builtin import IntegerType
 from xdsl.dialects.func import FuncOp
 from xdsl.ir import SSAValue
 
+from yasps.backend.cpp_curvature import DENSE_PRELUDE, curve_body
 from yasps.backend.cpp_function import function_text, vector_function, words_used
 from yasps.backend.scene_view import SceneView, Slot
 from yasps.dialects.mat import Matrix, shape_of
 from yasps.dialects.rel import (
     ApplyOp,
     AttributeOp,
+    CurvatureOp,
     DataOp,
     DerivativeOp,
     JacobianOp,
@@ -38,6 +43,7 @@ from yasps.dialects.rel import (
     RefOp,
     TargetIndexOp,
     UnionOp,
+    YieldCurvatureOp,
     YieldJacobianOp,
     YieldOp,
     name_of,
@@ -106,10 +112,13 @@ class _ObjectText:
         self.name = name
         self.wanted = [entry.data for entry in container.entries]
         ops = list(container.body.block.ops)
-        self.definition = next(op for op in ops if isinstance(op, AttributeOp | DerivativeOp | JacobianOp))
+        self.definition = next(
+            op for op in ops if isinstance(op, AttributeOp | DerivativeOp | JacobianOp | CurvatureOp)
+        )
         self.functions = {op.sym_name.data: op for op in ops if isinstance(op, FuncOp)}
         self.bindings: list[Binding] = []
         self.externs: dict[str, None] = {}
+        self.need_dense_prelude = False
         self.parts: list[str] = []
         self.entries: list[str] = []
 
@@ -138,10 +147,14 @@ class _ObjectText:
         """Function and argument pointer to call another object's entry."""
         code = self.emitter.code_of(definition)
         function = f"{code.symbol}_{entry}"
-        if entry == "value":
-            signature = f"void {function}(Arguments, long, {_c_type(self.scene.type_of(definition))}*)"
-        else:
-            signature = f"long {function}(Arguments, long, const double*, long, double*)"
+        parameters = {
+            "value": f"{_c_type(self.scene.type_of(definition))}*" if entry == "value" else "",
+            "pull": "const double*, long, double*",
+            "second": "const double*, double*",
+            "curve": "const double*, double*, long",
+        }[entry]
+        result = "void" if entry in {"value", "second"} else "long"
+        signature = f"{result} {function}(Arguments, long, {parameters})"
         self.externs[f'extern "C" {signature};'] = None
         return function, self.bind("arguments", definition)
 
@@ -237,11 +250,14 @@ class _ObjectText:
             self.derivative(self.definition)
         elif isinstance(self.definition, JacobianOp):
             self.jacobian(self.definition)
+        elif isinstance(self.definition, CurvatureOp):
+            self.curvature(self.definition)
         else:
             self.attribute(self.definition)
         words = words_used(list(self.functions.values())) if any("V*" in part for part in self.parts) else []
         helpers = [vector_function(word, self.emitter.has_vector_math) for word in words]
-        text = "\n".join([PRELUDE, *helpers, *self.externs, *self.parts])
+        prelude = [PRELUDE, DENSE_PRELUDE] if self.need_dense_prelude else [PRELUDE]
+        text = "\n".join([*prelude, *helpers, *self.externs, *self.parts])
         symbol = "yasps_" + hashlib.sha256(text.encode()).hexdigest()[:20]
         return ObjectCode(self.name, symbol, text.replace(SELF, symbol), tuple(self.bindings), tuple(self.entries))
 
@@ -274,6 +290,10 @@ class _ObjectText:
                 f"long {SELF}_pull(Arguments a, long i, const double* b, long n, double* out)",
                 self.union_pull(attribute),
             )
+
+        if self.scene.is_union(attribute.symbol) and self.scene.is_curved(attribute.symbol):
+            signature = f"long {SELF}_curve(Arguments a, long i, const double* v, double* out, long n)"
+            self.entry("curve", signature, self.union_curve(attribute))
 
     def value_body(self, attribute: AttributeOp, c_type: str) -> list[str]:
         first, terminator = attribute.body.block.first_op, attribute.body.block.last_op
@@ -312,6 +332,24 @@ class _ObjectText:
                 f"if (i < {offsets}[{k + 1}]) {{ const long j = i - {offsets}[{k}]; (void)j; return {pull}; }}"
             )
         return [*lines, "return 0;"]
+
+    def union_curve(self, attribute: AttributeOp) -> list[str]:
+        offsets, members = self.branches(attribute)
+        lines = []
+        for k, member in enumerate(members):
+            curve = self.curve_source(member, "j", "v", "out", "n")
+            lines.append(
+                f"if (i < {offsets}[{k + 1}]) {{ const long j = i - {offsets}[{k}]; (void)j; return {curve}; }}"
+            )
+        return [*lines, "return 0;"]
+
+    def curve_source(self, source: str, index: str, v: str, out: str, n: str) -> str:
+        """Expression that adds the curvature behind `source`, contracted with v, to `out`."""
+        if not self.scene.is_curved(source):
+            return "0"
+        definition = self.scene.jacobians[source].symbol if source in self.scene.jacobians else source
+        function, arguments = self.callee(definition, "curve")
+        return f"{function}({arguments}, {index}, {v}, {out}, {n})"
 
     def pull_source(self, source: str, index: str, b: str, n: str, out: str) -> str:
         """Expression that writes the rows behind `source` and says how many they are."""
@@ -371,6 +409,26 @@ class _ObjectText:
                 start += slot.size
             lines.append("return rows;")
         self.entry("pull", f"long {SELF}_pull(Arguments a, long i, const double* b, long n, double* out)", lines)
+        name = name_of(jacobian.attribute)
+        if self.scene.is_curved(name):
+            second = None
+            if name in self.scene.curvatures:
+                function, arguments = self.callee(self.scene.curvatures[name].symbol, "second")
+                second = f"{function}({arguments}, i, v, second);"
+            transposed = self.gather_scalar("double")
+            transposed += [f"double w[{q}];", self.call(call, {**self.names(), cotangent: "v"}, ["w"], "double")]
+            signature = f"long {SELF}_curve(Arguments a, long i, const double* v, double* out, long n)"
+            self.entry("curve", signature, curve_body(self, slots, second, transposed))
+
+    def curvature(self, curvature: CurvatureOp) -> None:
+        block = curvature.body.block
+        terminator = block.last_op
+        assert isinstance(terminator, YieldCurvatureOp)
+        call = terminator.hessian.owner
+        assert isinstance(call, ApplyOp)
+        names = {**self.names(), block.args[0]: "v"}
+        lines = [*self.gather_scalar("double"), self.call(call, names, ["out"], "double")]
+        self.entry("second", f"void {SELF}_second(Arguments a, long i, const double* v, double* out)", lines)
 
     def derivative(self, derivative: DerivativeOp) -> None:
         from yasps.backend.cpp_derivative import derivative_body

@@ -24,6 +24,7 @@ from yasps.dialects.rel import (
     ApplyOp,
     AttributeOp,
     Container,
+    CurvatureOp,
     DataOp,
     DerivativeOp,
     JacobianOp,
@@ -33,6 +34,7 @@ from yasps.dialects.rel import (
     RefOp,
     TargetIndexOp,
     UnionOp,
+    YieldCurvatureOp,
     YieldDerivativeOp,
     YieldJacobianOp,
     YieldOp,
@@ -111,11 +113,13 @@ class Interpreter:
         """Sum of all energies over all instances."""
         return sum(self.value(name_of(energy.attribute)).sum() for energy in self.scene.energies)
 
-    def count(self, op: AttributeOp | DerivativeOp | JacobianOp) -> int:
+    def count(self, op: AttributeOp | DerivativeOp | JacobianOp | CurvatureOp) -> int:
         """Instances of the owner."""
         return self.data.sizes.get(name_of(op.owner), 1)
 
-    def run(self, op: AttributeOp | DerivativeOp | JacobianOp, values: dict[SSAValue, Batch]) -> dict[SSAValue, Batch]:
+    def run(
+        self, op: AttributeOp | DerivativeOp | JacobianOp | CurvatureOp, values: dict[SSAValue, Batch]
+    ) -> dict[SSAValue, Batch]:
         """Values of everything in a body; arrays of one instance stand for all."""
         with np.errstate(all="ignore"):
             for inner in op.body.block.ops:
@@ -189,7 +193,9 @@ class Interpreter:
             local_gradient, local_hessian = self.local_derivative(derivative)
             inputs = self.stacked_inputs(derivative, len(local_gradient))
             gradient = gradient + inputs.T @ local_gradient.ravel()
-            if local_hessian is not None:
+            if derivative.curved is not None:
+                hessian = hessian + self.curved_hessian(derivative, local_gradient, local_hessian, inputs)
+            elif local_hessian is not None:
                 hessian = hessian + inputs.T @ _block_diagonal(local_hessian) @ inputs
         return gradient, sparse.csr_array(hessian)
 
@@ -200,6 +206,72 @@ class Interpreter:
             local_gradient, _ = self.local_derivative(derivative)
             gradient = gradient + self.stacked_inputs(derivative, len(local_gradient)).T @ local_gradient.ravel()
         return gradient
+
+    def curved_hessian(
+        self, derivative: DerivativeOp, gradient: Batch, hessian: Batch | None, inputs: sparse.csr_array
+    ) -> sparse.csr_array:
+        """Hessian of an energy with nonlinear inputs, projected instance by instance unless that is switched off."""
+        total = sparse.csr_array((self.unknowns, self.unknowns), dtype=gradient.dtype)
+        count, n = gradient.shape
+        mode = derivative.projection.data
+        groups = [np.arange(count)] if mode == "none" else [np.array([k]) for k in range(count)]
+        for instances in groups:
+            rows = inputs[(instances[:, None] * n + np.arange(n)).ravel()]
+            part = self.curvature_of_inputs(
+                derivative, np.where(np.isin(np.arange(count), instances)[:, None], gradient, 0)
+            )
+            if hessian is not None:
+                part = part + rows.T @ _block_diagonal(hessian[instances]) @ rows
+            total = total + (part if mode == "none" else _projected(sparse.csr_array(part), mode))
+        return sparse.csr_array(total)
+
+    def curvature_of_inputs(self, op: DerivativeOp | JacobianOp, cotangents: Batch) -> sparse.csr_array:
+        """Second term of eq. 3: curvature behind all boundary inputs, for cotangents [instances, n] of them."""
+        total = sparse.csr_array((self.unknowns, self.unknowns), dtype=cotangents.dtype)
+        start = 0
+        for read in self.scene.wrt(op):
+            rows, cols = shape_of(read.result)
+            part = cotangents[:, start : start + rows * cols]
+            start += rows * cols
+            if isinstance(read, JoinOp):
+                source = name_of(read.source)
+                indices = self.data.connectivities[name_of(read.connectivity)]
+                at_source = np.zeros((len(self.value(source)), self.scene.size(source)), cotangents.dtype)
+                np.add.at(at_source, indices.ravel(), part.reshape(-1, self.scene.size(source)))
+                total = total + self.source_curvature(source, at_source)
+            elif isinstance(read, RefOp):
+                total = total + self.source_curvature(name_of(read.attribute), part)
+        return sparse.csr_array(total)
+
+    def source_curvature(self, name: str, cotangents: Batch) -> sparse.csr_array:
+        """Hessian of <cotangents, source> with respect to all unknowns; cotangents [instances, entries]."""
+        total = sparse.csr_array((self.unknowns, self.unknowns), dtype=cotangents.dtype)
+        if self.scene.is_union(name):
+            start = 0
+            for member in self.scene.union_members(name):
+                count = len(self.value(member))
+                total = total + self.source_curvature(member, cotangents[start : start + count])
+                start += count
+        elif name in self.scene.jacobians:
+            op = self.scene.jacobians[name]
+            if name in self.scene.curvatures:
+                inputs = self.stacked_inputs(op, self.count(op))
+                total = total + inputs.T @ _block_diagonal(self.curvature(name, cotangents)) @ inputs
+            behind = (cotangents[:, None, :] @ self.jacobian(op))[:, 0, :]
+            total = total + self.curvature_of_inputs(op, behind)
+        return sparse.csr_array(total)
+
+    def curvature(self, name: str, cotangents: Batch) -> Batch:
+        """Hessians [instances, q, q] of <v, h> for a nonlinear attribute h and cotangents v [instances, p]."""
+        op = self.scene.curvatures[name]
+        terminator = op.body.block.last_op
+        assert isinstance(terminator, YieldCurvatureOp)
+        hessian = self.run(op, {op.body.block.args[0]: cotangents[:, :, None]})[terminator.hessian]
+        width = sum(rows * cols for rows, cols in (shape_of(v) for v in terminator.wrt))
+        full = _unpack(hessian[:, :, 0], width) if hessian.shape[1:] != (width, width) else hessian
+        upper = np.triu(full)
+        symmetric = upper + np.triu(upper, 1).swapaxes(1, 2)
+        return cast(Batch, np.broadcast_to(symmetric, (len(cotangents), width, width)))
 
     def stacked_inputs(self, op: DerivativeOp | JacobianOp, count: int) -> sparse.csr_array:
         """Derivative of all boundary inputs of all instances with respect to all unknowns."""
@@ -274,6 +346,17 @@ def run_function(function: func.FuncOp, inputs: Sequence[NDArray[Any]]) -> list[
         else:
             values[op.results[0]] = SCALAR_OPERATIONS[type(op)](*[values[v] for v in op.operands])
     raise ValueError(f"@{function.sym_name.data} does not return")
+
+
+def _projected(matrix: sparse.csr_array, mode: str) -> sparse.csr_array:
+    """A symmetric matrix with few nonzero rows, projected."""
+    used = np.unique(matrix.nonzero()[0])
+    dense = matrix[used][:, used].toarray()
+    values, vectors = np.linalg.eigh(np.triu(dense) + np.triu(dense, 1).T)
+    values = np.abs(values) if mode == "abs" else np.maximum(values, 0.0)
+    projected = (vectors * values) @ vectors.T
+    rows, cols = np.meshgrid(used, used, indexing="ij")
+    return sparse.csr_array((projected.ravel(), (rows.ravel(), cols.ravel())), shape=matrix.shape)
 
 
 def _unpack(packed: Batch, width: int) -> Batch:

@@ -12,6 +12,7 @@ from yasps.dialects.rel import (
     AttributeOp,
     ConnectivityOp,
     Container,
+    CurvatureOp,
     DataOp,
     DerivativeOp,
     EnergyOp,
@@ -58,6 +59,7 @@ class SceneView:
         self.connectivities: dict[str, ConnectivityOp] = {}
         self.unions: dict[str, PrimitiveUnionOp] = {}
         self.jacobians: dict[str, JacobianOp] = {}
+        self.curvatures: dict[str, CurvatureOp] = {}
         self.derivatives: list[DerivativeOp] = []
         self.energies: list[EnergyOp] = []
         self.targets: list[str] = []
@@ -84,11 +86,15 @@ class SceneView:
                     self.attributes[op.symbol] = op
             elif isinstance(op, JacobianOp):
                 self.jacobians[name_of(op.attribute)] = op
+            elif isinstance(op, CurvatureOp):
+                self.curvatures[name_of(op.attribute)] = op
             elif isinstance(op, DerivativeOp):
                 self.derivatives.append(op)
             else:
                 continue
-            if isinstance(container, ObjectOp) and isinstance(op, AttributeOp | JacobianOp | DerivativeOp):
+            if isinstance(container, ObjectOp) and isinstance(
+                op, AttributeOp | JacobianOp | CurvatureOp | DerivativeOp
+            ):
                 self.objects[op.symbol] = container
 
     def type_of(self, name: str) -> Matrix:
@@ -123,6 +129,16 @@ class SceneView:
         if name in self.targets or name in self.jacobians:
             return True
         return self.is_union(name) and any(self.reaches_target(member) for member in self.union_members(name))
+
+    def is_curved(self, name: str) -> bool:
+        """Is the source, or one behind it, nonlinear in the targets?"""
+        if name in self.curvatures:
+            return True
+        if name in self.jacobians:
+            return any(
+                self.is_curved(slot.source) for read in self.wrt(self.jacobians[name]) for slot in self.slots(read)
+            )
+        return self.is_union(name) and any(self.is_curved(member) for member in self.union_members(name))
 
     def expanded_rows(self, name: str) -> int:
         """Most scalars of the global gradient that one instance of this source depends on."""

@@ -121,7 +121,9 @@ class BarrierContact:
         if self.position.shape != (3, 1):
             raise SceneError(f"contact needs 3x1 positions, but {self.position.path} is {self.position.shape}")
         positions = self.positions()
-        self.geometry = CollisionGeometry(positions, triangles, activation_distance, fixed=fixed, group=group, objects=objects)
+        self.geometry = CollisionGeometry(
+            positions, triangles, activation_distance, fixed=fixed, group=group, objects=objects
+        )
         self.geometry.check_intersection_free(positions)
         reach = mesh.add_constant("squared_reach", 1, 1, value=activation_distance**2)
         kappa = mesh.add_constant("stiffness", 1, 1, value=stiffness)

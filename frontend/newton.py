@@ -18,7 +18,6 @@ from yasps.frontend.errors import NotConvergedError, SceneError
 from yasps.frontend.progress import TimeTable
 from yasps.frontend.scene import Scene
 
-
 ROUNDING = 1e-15
 """Relative change of a total energy that is only rounding."""
 

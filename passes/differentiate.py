@@ -2,7 +2,8 @@
 
 Each energy is split at its boundary nodes. `rel.derivative` holds its gradient and Hessian with respect to the boundary
 inputs that lead to a target; `rel.jacobian` holds, for every attribute a JOIN or UNION leads through on the way, how it
-changes with *its* boundary inputs. Derivatives of shared attributes are so made once and used by every energy.
+changes with *its* boundary inputs, and `rel.curvature`, only for a nonlinear one, its second derivatives contracted with
+a cotangent. Derivatives of shared attributes are so made once and used by every energy.
 
 Inside an energy the smallest linear cut y = L x + c is kept: phi's derivatives are taken with respect to y and pulled
 back as L^T g and L^T H L (eq. 3; L is free of the targets, so the curvature term is zero).
@@ -13,14 +14,15 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from xdsl.context import Context
-from xdsl.dialects.builtin import ModuleOp
+from xdsl.dialects.builtin import ModuleOp, UnitAttr
 from xdsl.ir import Block, Operation, SSAValue
 from xdsl.passes import ModulePass
 
-from yasps.dialects.mat import shape_of
+from yasps.dialects.mat import matrix_type, shape_of
 from yasps.dialects.rel import (
     AttributeOp,
     Container,
+    CurvatureOp,
     DataOp,
     DerivativeOp,
     EnergyOp,
@@ -30,6 +32,7 @@ from yasps.dialects.rel import (
     RefOp,
     TargetOp,
     UnionOp,
+    YieldCurvatureOp,
     YieldDerivativeOp,
     YieldJacobianOp,
     name_of,
@@ -37,7 +40,6 @@ from yasps.dialects.rel import (
 )
 from yasps.passes.bodies import BodyBuilder, containers, inline_body, is_union, source_of
 from yasps.passes.derivatives import jacobian, pull_back, stacked
-from yasps.passes.errors import CompileError
 from yasps.passes.linear_cut import Dependence, DependenceMap, linear_cut
 
 
@@ -61,6 +63,7 @@ class _Differentiation:
         self.energies = [op for op in block.ops if isinstance(op, EnergyOp)]
         self._reaches: dict[str, bool] = {}
         self._jacobians: dict[str, JacobianOp] = {}
+        self._curvatures: dict[str, CurvatureOp] = {}
 
     def run(self) -> None:
         made: list[Operation] = []
@@ -68,7 +71,7 @@ class _Differentiation:
             derivative = self.differentiate_energy(energy)
             if derivative is not None:
                 made.append(derivative)
-        for op in (*self._jacobians.values(), *made):
+        for op in (*self._jacobians.values(), *self._curvatures.values(), *made):
             self.block.add_op(op)
 
     def reaches_target(self, name: str) -> bool:
@@ -93,9 +96,11 @@ class _Differentiation:
             return source is not None and self.reaches_target(source)
         return False
 
-    def copy_body(self, attribute: AttributeOp) -> tuple[BodyBuilder, SSAValue, list[SSAValue]]:
+    def copy_body(
+        self, attribute: AttributeOp, block: Block | None = None
+    ) -> tuple[BodyBuilder, SSAValue, list[SSAValue]]:
         """A new body with the attribute's primal operations, its value, and its active boundary inputs."""
-        b = BodyBuilder(Block())
+        b = BodyBuilder(block or Block())
         value = inline_body(b, self.attributes, attribute)
         active: list[SSAValue] = [op.result for op in b.body.ops if isinstance(op, ReadOp) and self.is_active(op)]
         return b, value, active
@@ -119,7 +124,29 @@ class _Differentiation:
         b.append(YieldDerivativeOp(stacked(b, inputs, gradients), hessian, inputs))
         for read in inputs:
             self.need_jacobians(read.owner)
-        return DerivativeOp(f"{attribute.symbol}.derivative", energy, attribute.owner, b.body)
+        derivative = DerivativeOp(f"{attribute.symbol}.derivative", energy, attribute.owner, b.body)
+        if any(self.is_curved_read(read.owner) for read in inputs):
+            derivative.curved = UnitAttr()
+        return derivative
+
+    def is_curved(self, name: str) -> bool:
+        """Is the attribute, or one it reads on the way to a target, nonlinear? Known once its Jacobians are made."""
+        if name in self._curvatures:
+            return True
+        if name in self.attributes and is_union(self.attributes[name]):
+            return self.is_curved_read(self.attributes[name].body.block.first_op)
+        if name not in self._jacobians:
+            return False
+        terminator = self._jacobians[name].body.block.last_op
+        assert isinstance(terminator, YieldJacobianOp)
+        return any(self.is_curved_read(value.owner) for value in terminator.wrt)
+
+    def is_curved_read(self, read: object) -> bool:
+        """Does this boundary read lead through a nonlinear attribute?"""
+        if isinstance(read, UnionOp):
+            return any(self.is_curved(name_of(member)) for member in read.members)
+        source = source_of(read) if isinstance(read, ReadOp) else None
+        return source is not None and self.is_curved(source)
 
     def need_jacobians(self, read: object) -> None:
         """Makes the Jacobians of the attributes this boundary read leads through."""
@@ -141,12 +168,19 @@ class _Differentiation:
         b, value, inputs = self.copy_body(attribute)
         dependence = DependenceMap(b.body, inputs)
         if dependence[value] is Dependence.NONLINEAR:
-            raise CompileError(
-                f"'{name}' depends nonlinearly on the minimisation targets. This version takes joins and unions only "
-                "of attributes that are affine in the targets (free vertices, affine bodies, cages); write the "
-                "nonlinear part inside the energy."
-            )
+            self._curvatures[name] = self.curvature(attribute)
         b.append(YieldJacobianOp(jacobian(b, [value], inputs), inputs))
         self._jacobians[name] = JacobianOp(f"{name}.jacobian", symbol(attribute.symbol), attribute.owner, b.body)
         for read in inputs:
             self.need_jacobians(read.owner)
+
+    def curvature(self, attribute: AttributeOp) -> CurvatureOp:
+        """Hessian of <v, h(w)> for a nonlinear attribute h: the adjoint form of eq. 3's second term."""
+        rows, cols = attribute.matrix_type.get_shape()
+        b, value, inputs = self.copy_body(attribute, Block(arg_types=[matrix_type((rows * cols, 1))]))
+        cotangent = b.reshape(b.body.args[0], (rows, cols))
+        gradients = pull_back(b, DependenceMap(b.body, inputs), {value: cotangent}, inputs)
+        hessian = jacobian(b, [gradients.get(v, b.zeros(shape_of(v))) for v in inputs], inputs)
+        b.append(YieldCurvatureOp(hessian, inputs))
+        name = f"{attribute.symbol}.curvature"
+        return CurvatureOp(name, symbol(attribute.symbol), attribute.owner, b.body)

@@ -23,10 +23,12 @@ from yasps.dialects.rel import (
     ApplyOp,
     AttributeOp,
     Container,
+    CurvatureOp,
     DerivativeOp,
     JacobianOp,
     ProjectOp,
     ReadOp,
+    YieldCurvatureOp,
     YieldDerivativeOp,
     YieldJacobianOp,
     YieldOp,
@@ -71,6 +73,8 @@ class LowerToScalar(ModulePass):
                     _lower_derivative(container, inner)
                 elif isinstance(inner, JacobianOp):
                     _lower_jacobian(container, inner)
+                elif isinstance(inner, CurvatureOp):
+                    _lower_curvature(container, inner)
 
 
 class _Stage:
@@ -195,7 +199,7 @@ def _reads(b: BodyBuilder, block: Block, stages: Sequence[_Stage]) -> dict[SSAVa
     return values
 
 
-def _replace_body(op: AttributeOp | DerivativeOp | JacobianOp, block: Block) -> None:
+def _replace_body(op: AttributeOp | DerivativeOp | JacobianOp | CurvatureOp, block: Block) -> None:
     op.detach_region(op.regions[0])
     op.add_region(Region(block))
 
@@ -247,7 +251,7 @@ def _lower_derivative(container: Container, derivative: DerivativeOp) -> None:
     _replace_body(derivative, b.body)
 
 
-def name_of_function(op: DerivativeOp | JacobianOp) -> str:
+def name_of_function(op: DerivativeOp | JacobianOp | CurvatureOp) -> str:
     return op.attribute.root_reference.data
 
 
@@ -267,3 +271,18 @@ def _lower_jacobian(container: Container, jacobian: JacobianOp) -> None:
     (result,) = _call(container, b, name, stage=stage, values=values, outputs=[outputs])
     b.append(YieldJacobianOp(result, [values[value] for value in terminator.wrt]))
     _replace_body(jacobian, b.body)
+
+
+def _lower_curvature(container: Container, curvature: CurvatureOp) -> None:
+    block = curvature.body.block
+    terminator = block.last_op
+    assert isinstance(terminator, YieldCurvatureOp)
+    b, stage = BodyBuilder(Block(arg_types=[block.args[0].type])), _Stage()
+    values = _reads(b, block, [stage])
+    stage.add_input(block.args[0])
+    values[block.args[0]] = b.body.args[0]
+    outputs = [stage.upper(terminator.hessian)]
+    name = f"{name_of_function(curvature)}.second"
+    (result,) = _call(container, b, name, stage=stage, values=values, outputs=outputs)
+    b.append(YieldCurvatureOp(result, [values[value] for value in terminator.wrt]))
+    _replace_body(curvature, b.body)

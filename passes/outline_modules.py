@@ -18,6 +18,7 @@ from yasps.dialects.rel import (
     ApplyOp,
     AttributeOp,
     Container,
+    CurvatureOp,
     DerivativeOp,
     EnergyOp,
     JacobianOp,
@@ -52,7 +53,7 @@ def _outline(module: ModuleOp, scene: Container) -> None:
             declaration = op
             declaration.detach_region(declaration.body)
             declaration.add_region(AttributeOp(op.symbol, "", op.matrix_type, None).detach_region(0))
-        elif isinstance(op, DerivativeOp | JacobianOp):
+        elif isinstance(op, DerivativeOp | JacobianOp | CurvatureOp):
             definition = op
             scene.body.block.detach_op(op)
         else:
@@ -81,7 +82,7 @@ def _entries(ops: list[Operation]) -> dict[str, list[str]]:
             add(op.symbol, "batch")
             if op.indices is not None:
                 add(name_of(op.indices), "batch")
-        elif isinstance(op, JacobianOp):
+        elif isinstance(op, JacobianOp | CurvatureOp):
             add(op.symbol, "call")
         elif isinstance(op, AttributeOp) and op.output is not None:
             add(op.symbol, "batch")

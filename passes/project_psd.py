@@ -1,7 +1,8 @@
 """`project-psd`: decides for each energy where its Hessian is made positive semi-definite (paper, 5.4, 7.2, 10.4).
 
-All layers below an energy are affine here, so projecting at the boundary is enough; and where the Hessian is L^T S L
-with L free of the targets, S is smaller still and is projected instead.
+Where all layers below an energy are affine, projecting at the boundary is enough; and where the Hessian is L^T S L with L
+free of the targets, S is smaller still and is projected instead. Where a layer below is nonlinear, its curvature term is
+part of the Hessian, and only the whole local Hessian, expanded to the targets and compressed, can be projected.
 """
 
 from __future__ import annotations
@@ -37,11 +38,16 @@ def _project(derivative: DerivativeOp) -> None:
     terminator = derivative.body.block.last_op
     assert isinstance(terminator, YieldDerivativeOp)
     mode = derivative.projection.data
-    if terminator.hessian is None:
+    if terminator.hessian is None and derivative.curved is None:
         derivative.projects = StringAttr("nowhere: the energy is affine, its Hessian is zero")
         return
     if mode == "none":
         derivative.projects = StringAttr("nowhere: switched off")
+        return
+    if derivative.curved is not None:
+        derivative.projects = StringAttr(
+            "the whole local Hessian, expanded to the targets: an input is nonlinear in them"
+        )
         return
     symmetric = _innermost(derivative, terminator)
     full, width = shape_of(terminator.hessian)[0], shape_of(symmetric)[0]

@@ -82,7 +82,9 @@ def verify_laws(container: Operation) -> None:
             storage = scope.find(name, (decl.StorageOp,), "a stored variable as target", "a target")
             if cast(decl.StorageOp, storage).constant is not None:
                 raise VerifyException(f"@{name} is a constant; a target must be a variable")
-        elif isinstance(op, decl.AttributeOp | decl.DerivativeOp | decl.JacobianOp | decl.CurvatureOp) and op.body.blocks:
+        elif (
+            isinstance(op, decl.AttributeOp | decl.DerivativeOp | decl.JacobianOp | decl.CurvatureOp) and op.body.blocks
+        ):
             _verify_body(scope, op, op.body.block)
 
 
@@ -94,7 +96,9 @@ def _verify_connectivity(scope: Scope, op: decl.ConnectivityOp) -> None:
         raise VerifyException(f"{user} has arity {op.arity.value.data}; the least is 1")
 
 
-def _verify_body(scope: Scope, op: decl.AttributeOp | decl.DerivativeOp | decl.JacobianOp | decl.CurvatureOp, block: Block) -> None:
+def _verify_body(
+    scope: Scope, op: decl.AttributeOp | decl.DerivativeOp | decl.JacobianOp | decl.CurvatureOp, block: Block
+) -> None:
     user = f"@{op.symbol}"
     lineage = scope.lineage(name_of(op.owner))
     for inner in block.ops:

@@ -122,6 +122,36 @@ def test_the_dump_folder_of_the_environment(tmp_path: Path, monkeypatch: pytest.
     assert (tmp_path / "watched" / "08-outline-modules.mlir").exists()
 
 
+# -- outputs -------------------------------------------------------------------------------------------------
+
+
+def test_values_of_every_kind_of_attribute_on_all_instances() -> None:
+    """Computed, JOINed and UNITED attributes with several entries, more instances than a pack."""
+    random = np.random.default_rng(3)
+    scene = Scene("s")
+    mesh = scene.add_mesh("m")
+    a, b = mesh.add_primitive("a", 11), mesh.add_primitive("b", 6)
+    numbers = {name: random.random((count, 2, 3)) for name, count in (("a", 11), ("b", 6))}
+    for primitive in (a, b):
+        primitive.add_constant("y", 2, 3, value=numbers[primitive.name])
+    a.add_attribute("x", computed_attribute=a["y"] * np.diag([1.0, 2.0, 3.0]) + 1.0 * a["y"])
+    b.add_attribute("x", computed_attribute=-b["y"])
+    union = mesh.add_primitive_union("u", [b, a])
+    x = union.add_attribute("x")
+    pairs = mesh.add_primitive("p", 9)
+    indices = random.integers(0, 17, (9, 2))
+    ends = pairs.add_connectivity("ends", union, indices, 2)
+    joined = pairs.add_attribute("x", through=ends, source=x)
+    wanted_a = numbers["a"] * np.array([2.0, 3.0, 4.0])
+    wanted = np.concatenate([-numbers["b"], wanted_a])
+    assert np.allclose(a["x"].compute().array, wanted_a, rtol=1e-15)
+    assert np.allclose(x.compute().array, wanted, rtol=1e-15)
+    assert np.allclose(joined.compute().array, wanted[indices].reshape(9, 2, 6), rtol=1e-15)
+    total = pairs.add_attribute("total", computed_attribute=joined.sum() * joined)
+    factors = wanted[indices].sum(axis=(1, 2, 3))[:, None, None]
+    assert np.allclose(total.compute().array, factors * wanted[indices].reshape(9, 2, 6), rtol=1e-14)
+
+
 # -- errors ------------------------------------------------------------------------------------------------
 
 

@@ -63,7 +63,14 @@ builtin.module {
       %11 = mat.identity {size = array<i64: 3>} : () -> tensor<3x3xf64>
       rel.yield_jacobian %11 : tensor<3x3xf64> wrt %10 : tensor<3x1xf64>
     }
-    rel.derivative @m.p.affine of @m.p.energy on @m.p projection "none" {
+    rel.curvature @m.v.x.curvature of @m.v.x on @m.v {
+    ^bb0(%18: tensor<3x1xf64>):
+      %19 = rel.data @m.v.x : tensor<3x1xf64>
+      %21 = mat.transpose %19 : (tensor<3x1xf64>) -> tensor<1x3xf64>
+      %20 = mat.matmul %18, %21 : (tensor<3x1xf64>, tensor<1x3xf64>) -> tensor<3x3xf64>
+      rel.yield_curvature %20 : tensor<3x3xf64> wrt %19 : tensor<3x1xf64>
+    }
+    rel.derivative @m.p.affine of @m.p.energy on @m.p projection "none" curved {
       %12 = rel.join @m.u.x through @m.p.ends : tensor<2x3xf64>
       %13 = mat.reshape %12 {shape = array<i64: 6, 1>} : (tensor<2x3xf64>) -> tensor<6x1xf64>
       rel.yield_derivative gradient %13 : tensor<6x1xf64> wrt %12 : tensor<2x3xf64>
@@ -116,6 +123,7 @@ def test_optional_words_are_kept() -> None:
         "rel.storage @m.k on @m : tensor<1x1xf64> constant",
         "rel.attribute @m.p.energy on @m.p : tensor<1x1xf64> output",
         'rel.energy @m.p.energy projection "clamp" dynamic',
+        'rel.derivative @m.p.affine of @m.p.energy on @m.p projection "none" curved',
     ):
         assert line in text
 
@@ -264,6 +272,16 @@ BREAKS: dict[str, tuple[str, str, str]] = {
         "rel.yield_jacobian %11 : tensor<3x3xf64> wrt %10 : tensor<3x1xf64>",
         "rel.yield_jacobian %10 : tensor<3x1xf64> wrt %11 : tensor<3x3xf64>",
         "a Jacobian with respect to 9 entries has 9 columns, got 3x1",
+    ),
+    "a curvature is square or packed": (
+        "rel.yield_curvature %20 : tensor<3x3xf64> wrt %19 : tensor<3x1xf64>",
+        "rel.yield_curvature %19 : tensor<3x1xf64> wrt %20 : tensor<3x3xf64>",
+        "a Hessian with respect to 9 entries is 9x9 (or its packed upper triangle), got 3x1",
+    ),
+    "a curvature's body is of the lineage": (
+        "rel.curvature @m.v.x.curvature of @m.v.x on @m.v ",
+        "rel.curvature @m.v.x.curvature of @m.v.x on @n.v ",
+        "@m.v.x.curvature lives on @n.v and reads @m.v.x of @m.v",
     ),
     "a packed triangle has the size of its width": (
         "width 6 : i64",

@@ -12,9 +12,8 @@ from xdsl.dialects.builtin import ModuleOp
 
 from yasps import Attribute, Scene, concat_cols, concat_rows
 from yasps.backend.interpreter import Interpreter
-from yasps.dialects.rel import DerivativeOp, JacobianOp, YieldDerivativeOp
+from yasps.dialects.rel import CurvatureOp, DerivativeOp, JacobianOp, YieldCurvatureOp, YieldDerivativeOp
 from yasps.passes.differentiate import Differentiate
-from yasps.passes.errors import CompileError
 from yasps.passes.inline_references import InlineReferences
 from yasps.passes.pipeline import make_context
 
@@ -158,17 +157,49 @@ def test_derivatives_are_of_boundary_inputs_only(pipeline_run: Callable[..., obj
     assert [str(v.type) for v in terminator.wrt] == ["tensor<2x3xf64>"]
 
 
-def test_a_nonlinear_parameterisation_is_refused() -> None:
+def _bent() -> tuple[Scene, Attribute]:
+    """Points whose positions are nonlinear in the targets: polar coordinates, read through a JOIN."""
     scene, x = points()
     assert x.owner is not None
-    bent = x.owner.add_attribute("bent", computed_attribute=x.sin())
-    pairs = scene.m.add_primitive("p", 2)
-    ends = pairs.add_connectivity("ends", x.owner, [[0, 1], [1, 2]], 2)
-    joined = pairs.add_attribute("x", through=ends, source=bent)
-    scene.add_energy(pairs.add_attribute("e", computed_attribute=joined.dot(joined)))
-    with pytest.raises(CompileError, match=r"'m\.v\.bent' depends nonlinearly on the minimisation targets") as error:
-        derived(scene)
-    assert "write the nonlinear part inside the energy" in str(error.value)
+    place = concat_rows([x[0] * x[1].cos(), x[0] * x[1].sin(), x[2]])
+    bent = x.owner.add_attribute("bent", computed_attribute=place)
+    pairs = scene.m.add_primitive("p", 3)
+    ends = pairs.add_connectivity("ends", x.owner, [[0, 1], [1, 2], [2, 2]], 2)
+    return scene, pairs.add_attribute("x", through=ends, source=bent)
+
+
+def test_a_nonlinear_parameterisation_has_a_curvature() -> None:
+    scene, pair = _bent()
+    energy = (pair.row(0) - 2.0 * pair.row(1)).dot(pair.row(0)) ** 2
+    scene.add_energy(scene.m.p.add_attribute("e", computed_attribute=energy), projection="none")
+    check(scene)
+    module, (derivative,), (jacobian,) = derived(scene)
+    assert jacobian.symbol == "m.v.bent.jacobian"
+    assert derivative.curved is not None
+    (curvature,) = [op for op in module.walk() if isinstance(op, CurvatureOp)]
+    assert curvature.symbol == "m.v.bent.curvature"
+    terminator = curvature.body.block.last_op
+    assert isinstance(terminator, YieldCurvatureOp)
+    assert str(terminator.hessian.type) == "tensor<3x3xf64>"  # one matrix, no third-order object
+
+
+def test_an_affine_energy_of_a_nonlinear_parameterisation_is_curved() -> None:
+    """Its Hessian is the curvature term alone."""
+    scene, pair = _bent()
+    scene.add_energy(scene.m.p.add_attribute("e", computed_attribute=pair.sum() * 3.0), projection="none")
+    check(scene)
+    _, (derivative,), _ = derived(scene)
+    terminator = derivative.body.block.last_op
+    assert isinstance(terminator, YieldDerivativeOp)
+    assert terminator.hessian is None
+    assert derivative.curved is not None
+
+
+def test_affine_parameterisations_are_not_curved(pipeline_run: Callable[..., object]) -> None:
+    text = pipeline_run("mixed_union", "clamp").stages["differentiate"].text  # type: ignore[attr-defined]
+    assert "rel.jacobian" in text
+    assert "curved" not in text
+    assert "rel.curvature" not in text
 
 
 def test_the_same_nonlinear_part_inside_the_energy_is_fine() -> None:
