@@ -18,7 +18,7 @@ def row_starts(text: _ObjectText, slots: Sequence[Slot]) -> list[str]:
     """Declares `at`: where each slot's rows start when all slots are expanded to the targets, and their number."""
     lines = [f"long at[{len(slots) + 1}];", "at[0] = 0;"]
     for k, slot in enumerate(slots):  # of nothing, a pull only counts its rows
-        rows = text.pull_source(slot.source, text.slot_index(slot), "(const double*)0", "0", "(double*)0")
+        rows = text.pull_slot(slot, "(const double*)0", "0", "(double*)0")
         lines.append(f"at[{k + 1}] = at[{k}] + {rows};")
     return lines
 
@@ -33,8 +33,8 @@ def expand_into(
             second = slots[t]
             if first.rows == 0 or second.rows == 0:
                 continue
-            left = text.pull_source(first.source, text.slot_index(first), "b", str(second.size), "left")
-            right = text.pull_source(second.source, text.slot_index(second), "turned", "height", "both")
+            left = text.pull_slot(first, "b", str(second.size), "left")
+            right = text.pull_slot(second, "turned", "height", "both")
             lines += [
                 "{",
                 f"    double b[{first.size * second.size}], left[{first.rows * second.size}];",
@@ -44,7 +44,8 @@ def expand_into(
                 f"            b[r * {second.size} + c] = {entry(s, t, 'r', 'c')};",
                 f"    const long height = {left};",
                 "    for (long r = 0; r < height; ++r)",
-                f"        for (long c = 0; c < {second.size}; ++c) turned[c * height + r] = left[r * {second.size} + c];",
+                f"        for (long c = 0; c < {second.size}; ++c)",
+                f"            turned[c * height + r] = left[r * {second.size} + c];",
                 f"    const long across = {right};",
                 "    for (long r = 0; r < height; ++r)",
                 "        for (long c = 0; c < across; ++c) {",
@@ -78,7 +79,7 @@ def symmetric_entry(array: str, n: int, at: Sequence[int], lane: str = "") -> Ca
 
 
 def curve_body(text: _ObjectText, slots: Sequence[Slot], second: str | None, transposed: Sequence[str]) -> list[str]:
-    """Statements of the entry `curve`: own curvature (`second` fills the array of that name, packed) and that of the slots' sources.
+    """Statements of the entry `curve`: own curvature (`second` fills the array of that name, packed) and the sources'.
 
     `transposed` fills w = J^T v.
     """
@@ -92,9 +93,7 @@ def curve_body(text: _ObjectText, slots: Sequence[Slot], second: str | None, tra
         lines += transposed
         for k, slot in enumerate(slots):
             if text.scene.is_curved(slot.source):
-                call = text.curve_source(
-                    slot.source, text.slot_index(slot), f"w + {at[k]}", f"out + at[{k}] * (n + 1)", "n"
-                )
+                call = text.curve_slot(slot, f"w + {at[k]}", f"out + at[{k}] * (n + 1)", "n")
                 lines.append(f"{call};")
     lines.append(f"return at[{len(slots)}];")
     return lines
@@ -118,7 +117,7 @@ def dense_hessian(text: _ObjectText, slots: Sequence[Slot], capacity: int, packe
         lines += [f"    {line}" for line in expand_into(text, slots, entry, "local", "n")]
     for k, slot in enumerate(slots):
         if text.scene.is_curved(slot.source):
-            call = text.curve_source(slot.source, text.slot_index(slot), "v", f"local + at[{k}] * (n + 1)", "n")
+            call = text.curve_slot(slot, "v", f"local + at[{k}] * (n + 1)", "n")
             lines += [
                 "    {",
                 f"        double v[{slot.size}];",

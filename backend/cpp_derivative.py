@@ -122,7 +122,7 @@ def _scatter_gradient(text: _ObjectText, slots: list[Slot], capacity: int) -> li
                 f"        sink->gradient[kappa[{kappa}] - 1 + e] += gradient[{entry} + e][l];",
             ]
             continue
-        pull = text.pull_source(slot.source, text.slot_index(slot), "b", "1", "rows")
+        pull = text.pull_slot(slot, "b", "1", "rows")
         lines += [
             "    {",
             f"        double b[{slot.size}], rows[{slot.rows}];",
@@ -184,8 +184,8 @@ def _expand(
     first, second = slots[s], slots[t]
     if first.rows == 0 or second.rows == 0:
         return []
-    left = text.pull_source(first.source, text.slot_index(first), "b", str(second.size), "left")
-    right = text.pull_source(second.source, text.slot_index(second), "turned", "height", "both")
+    left = text.pull_slot(first, "b", str(second.size), "left")
+    right = text.pull_slot(second, "turned", "height", "both")
     return [
         f"double left[{first.rows * second.size}], turned[{first.rows * second.size}];",
         f"double both[{first.rows * second.rows}], block[{first.rows * second.rows}];",

@@ -26,11 +26,20 @@ CALLS: dict[type[Operation], str] = {
     math.AcosOp: "acos",
     math.AtanOp: "atan",
     math.PowFOp: "pow",
+    math.Atan2Op: "atan2",
+    math.AbsFOp: "fabs",
 }
-BUILT_IN = frozenset({"sqrt"})
+CHOICES: dict[type[Operation], str] = {
+    arith.SelectOp: "{0} ? {1} : {2}",
+    arith.MinimumfOp: "{0} <= {1} ? {0} : ({1} < {0} ? {1} : {0} + {1})",
+    arith.MaximumfOp: "{1} <= {0} ? {0} : ({0} < {1} ? {1} : {0} + {1})",
+}
+"""Valid on one number and on packs alike, where a comparison gives a mask; the sum is NaN where an operand is."""
+COMPARISONS = {"olt": "{0} < {1}", "ole": "{0} <= {1}", "one": "({0} < {1}) | ({1} < {0})"}
+BUILT_IN = frozenset({"sqrt", "fabs"})
 """Compiled to an instruction; everything else is a function of the C library."""
-VECTOR_MATH = frozenset({"exp", "log", "sin", "cos", "pow", "tan", "asin", "acos", "atan"})
-"""In glibc's libmvec."""
+OF_TWO = frozenset({"pow", "atan2"})
+"""Functions of two numbers."""
 
 
 def function_text(op: func.FuncOp, name: str, scalar: str, inputs: Sequence[int], outputs: Sequence[int]) -> str:
@@ -58,7 +67,8 @@ def function_text(op: func.FuncOp, name: str, scalar: str, inputs: Sequence[int]
         else:
             result = inner.results[0]
             names[result] = f"t{len(names)}"
-            lines.append(f"    const {scalar} {names[result]} = {_expression(inner, names, scalar)};")
+            kind = "auto" if isinstance(inner, arith.CmpfOp) else scalar  # a truth value or a mask
+            lines.append(f"    const {kind} {names[result]} = {_expression(inner, names, scalar)};")
     lines.append("}")
     return "\n".join(lines) + "\n"
 
@@ -76,6 +86,10 @@ def _expression(op: Operation, names: dict[SSAValue, str], scalar: str) -> str:
         return f"{operands[0]} {INFIX[type(op)]} {operands[1]}"
     if isinstance(op, arith.NegfOp):
         return f"-{operands[0]}"
+    if isinstance(op, arith.CmpfOp):
+        return COMPARISONS[arith.CMPF_COMPARISON_OPERATIONS[op.predicate.value.data]].format(*operands)
+    if type(op) in CHOICES:
+        return CHOICES[type(op)].format(*operands)
     word = CALLS.get(type(op))
     if word is None:
         raise ValueError(f"the C++ emitter does not know {op.name}")
@@ -91,7 +105,7 @@ def words_used(functions: Sequence[func.FuncOp]) -> list[str]:
 
 def vector_function(word: str, has_vector_math: bool) -> str:
     """Definition of `v_<word>` on 8 lanes: libmvec where it is, else lane by lane."""
-    arity = 2 if word == "pow" else 1
+    arity = 2 if word in OF_TWO else 1
     parameters = ", ".join(f"V {p}" for p in "ab"[:arity])
     lanes = ", ".join(f"{p}[l]" for p in "ab"[:arity])
     call = f"__builtin_{word}({lanes})"

@@ -177,6 +177,8 @@ class _ObjectText:
             source, connectivity = name_of(op.source), self.scene.connectivities[name_of(op.connectivity)]
             arity, size = connectivity.arity.value.data, self.scene.size(source)
             indices = self.bind("indices", connectivity.symbol)
+            if connectivity.variable is not None:
+                return self.read_variable(op, out, scalar, indices=indices, arity=arity)
             copy = self.copy_source(source, "j", f"({out} + s * {size})", scalar)
             return [
                 f"for (long s = 0; s < {arity}; ++s) {{",
@@ -193,6 +195,23 @@ class _ObjectText:
             offset = f" + {self.scene.size(target.symbol)} * i" if own else ""
             return [f"{out}[0] = (int)({start}[0]{offset} + 1);"]
         raise ValueError(f"{op.name} can't be gathered")
+
+    def read_variable(self, op: JoinOp, out: str, scalar: str, *, indices: str, arity: int) -> list[str]:
+        """A JOIN of variable arity: sum or mean of the values, or all placement indices padded with 0."""
+        source = name_of(op.source)
+        size = self.scene.size(source)
+        lines = [f"for (long e = 0; e < {_size(op.result)}; ++e) {out}[e] = 0;", "{", "    long count = 0;"]
+        lines += [f"    while (count < {arity} && {indices}[i * {arity} + count] >= 0) {{"]
+        lines += [f"        const long j = {indices}[i * {arity} + count];"]
+        if op.reduction is None:
+            lines += [f"        {self.copy_source(source, 'j', f'({out} + count * {size})', scalar)}"]
+        else:
+            lines += [f"        {scalar} term[{size}];", f"        {self.copy_source(source, 'j', 'term', scalar)}"]
+            lines += [f"        for (long e = 0; e < {size}; ++e) {out}[e] += term[e];"]
+        lines += ["        ++count;", "    }"]
+        if op.reduction == "mean":
+            lines += [f"    for (long e = 0; e < {size}; ++e) {out}[e] /= count;"]
+        return [*lines, "    (void)count;", "}"]
 
     # -- bodies --------------------------------------------------------------------------------------------
 
@@ -351,6 +370,39 @@ class _ObjectText:
         function, arguments = self.callee(definition, "curve")
         return f"{function}({arguments}, {index}, {v}, {out}, {n})"
 
+    def over_connected(self, slot: Slot, body: str) -> str:
+        """Statement: runs `body` for every connected instance j of a slot of variable arity; `count` is how many."""
+        indices = self.bind("indices", slot.connectivity or "")
+        here = f"{indices}[i * {slot.arity} + count]"
+        return (
+            f"long count = 0; while (count < {slot.arity} && {here} >= 0) "
+            f"{{ const long j = {here}; (void)j; {body} ++count; }}"
+        )
+
+    def pull_slot(self, slot: Slot, b: str, n: str, out: str) -> str:
+        """As pull_source for what a slot reads: of a sum every term gets b, of a mean its share."""
+        if slot.reduction is None:
+            return self.pull_source(slot.source, self.slot_index(slot), b, n, out)
+        given = (
+            f"const double* const from = {b}; double* const into = {out}; const long across = {n}; long reached = 0;"
+        )
+        pull = self.pull_source(slot.source, "j", "from", "across", "into + reached * across")
+        share = "for (long e = 0; e < reached * across; ++e) into[e] /= count;" if slot.reduction == "mean" else ""
+        return f"({{ {given} {self.over_connected(slot, f'reached += {pull};')} {share} reached; }})"
+
+    def curve_slot(self, slot: Slot, v: str, out: str, n: str) -> str:
+        """As curve_source for what a slot reads."""
+        if slot.reduction is None:
+            return self.curve_source(slot.source, self.slot_index(slot), v, out, n)
+        given = f"const double* const whole = {v}; double* const into = {out}; const long across = {n};"
+        terms = f"double share[{slot.size}]; long reached = 0, terms = 1;"
+        if slot.reduction == "mean":
+            terms += f" {{ {self.over_connected(slot, '')} terms = count; }}"
+        terms += f" for (long e = 0; e < {slot.size}; ++e) share[e] = whole[e] / terms;"
+        rows = self.pull_source(slot.source, "j", "(const double*)0", "0", "(double*)0")
+        curve = self.curve_source(slot.source, "j", "share", "into + reached * (across + 1)", "across")
+        return f"({{ {given} {terms} {self.over_connected(slot, f'{curve}; reached += {rows};')} reached; }})"
+
     def pull_source(self, source: str, index: str, b: str, n: str, out: str) -> str:
         """Expression that writes the rows behind `source` and says how many they are."""
         if source in self.scene.targets:
@@ -404,7 +456,7 @@ class _ObjectText:
             lines.append("long rows = 0;")
             start = 0
             for slot in slots:
-                pull = self.pull_source(slot.source, self.slot_index(slot), f"w + {start} * n", "n", "out + rows * n")
+                pull = self.pull_slot(slot, f"w + {start} * n", "n", "out + rows * n")
                 lines.append(f"rows += {pull};")
                 start += slot.size
             lines.append("return rows;")

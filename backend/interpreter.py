@@ -20,6 +20,8 @@ from xdsl.ir import Block, Operation, SSAValue
 from yasps.backend.scene_view import SceneView
 from yasps.dialects.mat import MatOp, shape_of
 from yasps.dialects.mat.base import Batch
+from yasps.dialects.mat.comparison import absolute, is_less, is_less_equal, maximum, minimum
+from yasps.dialects.mat.trigonometry import arctan2
 from yasps.dialects.rel import (
     ApplyOp,
     AttributeOp,
@@ -57,7 +59,18 @@ SCALAR_OPERATIONS: dict[type[Operation], Callable[..., Any]] = {
     math.AcosOp: np.arccos,
     math.AtanOp: np.arctan,
     math.PowFOp: np.power,
+    math.Atan2Op: arctan2,
+    math.AbsFOp: absolute,
+    arith.MinimumfOp: minimum,
+    arith.MaximumfOp: maximum,
+    arith.SelectOp: np.where,
 }
+COMPARISONS: dict[str, Callable[..., Any]] = {
+    "olt": is_less,
+    "ole": is_less_equal,
+    "one": lambda a, b: is_less(a, b) | is_less(b, a),
+}
+"""Meaning of `arith.cmpf` by its predicate."""
 
 
 @dataclass(frozen=True)
@@ -142,7 +155,13 @@ class Interpreter:
         if isinstance(op, JoinOp):
             source = self.value(name_of(op.source))
             indices = self.data.connectivities[name_of(op.connectivity)]
-            return source[indices].reshape(len(indices), *shape_of(op.result))
+            if np.any(indices < 0):
+                gathered = np.where((indices >= 0)[:, :, None, None], source[indices], 0)
+            else:
+                gathered = source[indices]
+            if op.reduction is None:
+                return gathered.reshape(len(indices), *shape_of(op.result))
+            return cast(Batch, gathered.sum(axis=1) * self.share(op)[:, None, None])
         if isinstance(op, UnionOp):
             rows, cols = shape_of(op.result)
             parts = [self.value(name_of(member)) for member in op.members]
@@ -153,6 +172,11 @@ class Interpreter:
         storage = self.scene.storages[target]
         instances = np.arange(count if name_of(storage.owner) == owner else 1)
         return cast(Batch, (self.starts[target] + self.scene.size(target) * instances + 1)[:, None, None])
+
+    def share(self, op: JoinOp) -> NDArray[Any]:
+        """Weight [instances] of every term of a JOIN of variable arity."""
+        counts = (self.data.connectivities[name_of(op.connectivity)] >= 0).sum(axis=1)
+        return 1.0 / counts if op.reduction == "mean" else np.ones(len(counts))
 
     def apply(self, op: ApplyOp, values: dict[SSAValue, Batch]) -> None:
         """Calls a scalar function on all instances."""
@@ -237,7 +261,11 @@ class Interpreter:
                 source = name_of(read.source)
                 indices = self.data.connectivities[name_of(read.connectivity)]
                 at_source = np.zeros((len(self.value(source)), self.scene.size(source)), cotangents.dtype)
-                np.add.at(at_source, indices.ravel(), part.reshape(-1, self.scene.size(source)))
+                if read.reduction is not None:
+                    instance, slot = np.nonzero(indices >= 0)
+                    np.add.at(at_source, indices[instance, slot], (part * self.share(read)[:, None])[instance])
+                else:
+                    np.add.at(at_source, indices.ravel(), part.reshape(-1, self.scene.size(source)))
                 total = total + self.source_curvature(source, at_source)
             elif isinstance(read, RefOp):
                 total = total + self.source_curvature(name_of(read.attribute), part)
@@ -271,7 +299,7 @@ class Interpreter:
         full = _unpack(hessian[:, :, 0], width) if hessian.shape[1:] != (width, width) else hessian
         upper = np.triu(full)
         symmetric = upper + np.triu(upper, 1).swapaxes(1, 2)
-        return cast(Batch, np.broadcast_to(symmetric, (len(cotangents), width, width)))
+        return np.broadcast_to(symmetric, (len(cotangents), width, width))
 
     def stacked_inputs(self, op: DerivativeOp | JacobianOp, count: int) -> sparse.csr_array:
         """Derivative of all boundary inputs of all instances with respect to all unknowns."""
@@ -292,6 +320,15 @@ class Interpreter:
         if isinstance(read, JoinOp):
             source = name_of(read.source)
             indices = self.data.connectivities[name_of(read.connectivity)]
+            if read.reduction is not None:
+                instance, slot = np.nonzero(indices >= 0)
+                terms = _take(self.source_derivative(source), indices[instance, slot], self.scene.size(source))
+                size = self.scene.size(source)
+                rows = (instance[:, None] * size + np.arange(size)).ravel()
+                weights = np.repeat(self.share(read)[instance], size)
+                shape = (len(indices) * size, terms.shape[0])
+                total = sparse.csr_array((weights, (rows, np.arange(len(rows)))), shape=shape)
+                return sparse.csr_array(total @ terms)
             return _take(self.source_derivative(source), indices.ravel(), self.scene.size(source))
         if isinstance(read, RefOp):
             return self.source_derivative(name_of(read.attribute))
@@ -343,6 +380,9 @@ def run_function(function: func.FuncOp, inputs: Sequence[NDArray[Any]]) -> list[
             attribute = op.value
             assert isinstance(attribute, FloatAttr | IntegerAttr)
             values[op.result] = attribute.value.data
+        elif isinstance(op, arith.CmpfOp):
+            compare = COMPARISONS[arith.CMPF_COMPARISON_OPERATIONS[op.predicate.value.data]]
+            values[op.result] = compare(values[op.lhs], values[op.rhs])
         else:
             values[op.results[0]] = SCALAR_OPERATIONS[type(op)](*[values[v] for v in op.operands])
     raise ValueError(f"@{function.sym_name.data} does not return")

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import cast
 
 from xdsl.dialects.builtin import ModuleOp
@@ -48,6 +48,9 @@ class Slot:
     capacity: int
     """Most blocks of the global gradient behind it."""
     is_target: bool
+    """Is the source a target itself, so that its entries are those of the gradient?"""
+    reduction: str | None = None
+    """ "sum" or "mean" over a variable number of connected instances, at most `arity`."""
 
 
 class SceneView:
@@ -169,6 +172,10 @@ class SceneView:
         if isinstance(read, JoinOp):
             source, connectivity = name_of(read.source), name_of(read.connectivity)
             arity = self.connectivities[connectivity].arity.value.data
+            if read.reduction is not None:
+                one = self._slot(source, connectivity, arity, 0)
+                rows, capacity = arity * one.rows, arity * one.capacity
+                return [replace(one, rows=rows, capacity=capacity, is_target=False, reduction=read.reduction)]
             return [self._slot(source, connectivity, arity, position) for position in range(arity)]
         if isinstance(read, RefOp):
             return [self._slot(name_of(read.attribute), None, 1, 0)]

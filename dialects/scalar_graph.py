@@ -9,6 +9,7 @@ Building a node here costs about a microsecond, an xDSL operation ten to twenty.
 from __future__ import annotations
 
 import math
+import operator
 from collections.abc import Callable, Sequence
 
 Node = int
@@ -23,7 +24,12 @@ UNARY_FUNCTIONS: dict[str, Callable[[float], float]] = {
     "asin": math.asin,
     "acos": math.acos,
     "atan": math.atan,
+    "abs": abs,
 }
+BINARY_FUNCTIONS: dict[str, Callable[[float, float], float]] = {"min": min, "max": max, "atan2": math.atan2}
+"""On numbers that are no NaN; min and max of NaN and anything are NaN."""
+COMPARISONS: dict[str, Callable[[float, float], bool]] = {"lt": operator.lt, "le": operator.le, "ne": operator.ne}
+"""All are false on NaN, "ne" too."""
 
 
 class ScalarGraph:
@@ -174,12 +180,64 @@ class ScalarGraph:
 
     def unary(self, kind: str, a: Node) -> Node:
         """One of `UNARY_FUNCTIONS`."""
+        if kind == "abs" and self.kinds[a] in ("neg", "abs"):
+            return self.unary("abs", self.arguments[a][0])
         if self.kinds[a] == "constant":
             try:
                 return self.constant(UNARY_FUNCTIONS[kind](self.values[a]))
             except (ValueError, OverflowError):
                 pass  # outside its domain: left to run time, where it gives NaN or infinity and is reported
         return self._node(kind, (a,))
+
+    def binary(self, kind: str, a: Node, b: Node) -> Node:
+        """One of `BINARY_FUNCTIONS`."""
+        if self.is_constant(a) and self.is_constant(b):
+            return self.constant(BINARY_FUNCTIONS[kind](self.values[a], self.values[b]))
+        if kind == "atan2":
+            return self._node(kind, (a, b))
+        return a if a == b else self._node(kind, (a, b) if a < b else (b, a))
+
+    # -- choices -------------------------------------------------------------------------------------------
+    # Truth values (`COMPARISONS`) are nodes of their own kind that stand only as a select's first argument.
+
+    def compare(self, kind: str, a: Node, b: Node) -> Node:
+        """1 or 0 for one of `COMPARISONS`."""
+        if self.is_constant(a) and self.is_constant(b):
+            return self.one if COMPARISONS[kind](self.values[a], self.values[b]) else self.zero
+        if a == b and kind != "le":
+            return self.zero
+        if self._is_negative(a) and self._is_negative(b):  # one comparison for a < b and -b < -a
+            a, b = self.neg(b), self.neg(a)
+        return self._node("select", (self._node(kind, (a, b)), self.one, self.zero))
+
+    def _is_negative(self, a: Node) -> bool:
+        return self.kinds[a] == "neg" or (self.is_constant(a) and self.values[a] <= 0.0)
+
+    def select(self, condition: Node, a: Node, b: Node) -> Node:
+        """a where the condition is a number other than 0, else b."""
+        if a == b:
+            return a
+        if self.is_constant(condition):
+            return a if self.values[condition] != 0.0 else b
+        if self.kinds[condition] == "neg":
+            return self.select(self.arguments[condition][0], a, b)
+        if self.kinds[condition] == "select":
+            truth, first, second = self.arguments[condition]
+            if self.is_constant(first) or self.is_constant(second):  # a comparison, or "and", "or", "not" of some
+                return self._choice(truth, self.select(first, a, b), self.select(second, a, b))
+        return self._choice(self._node("ne", (condition, self.zero)), a, b)
+
+    def _choice(self, truth: Node, a: Node, b: Node) -> Node:
+        if self.kinds[a] == "select" and self.arguments[a][0] == truth:
+            a = self.arguments[a][1]
+        if self.kinds[b] == "select" and self.arguments[b][0] == truth:
+            b = self.arguments[b][2]
+        if a == b:
+            return a
+        negative = [self.kinds[x] == "neg" for x in (a, b)]
+        if all(negative) or (any(negative) and self.zero in (a, b)):
+            return self.neg(self._choice(truth, self.neg(a), self.neg(b)))
+        return self._node("select", (truth, a, b))
 
     # -- sums ----------------------------------------------------------------------------------------------
 

@@ -12,10 +12,22 @@ from typing import TYPE_CHECKING, Any, NoReturn
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from xdsl.dialects.builtin import DenseArrayBase, FloatAttr, f64, i64
+from xdsl.dialects.builtin import DenseArrayBase, FloatAttr, StringAttr, f64, i64
 from xdsl.ir import Attribute as IrAttribute
 
-from yasps.dialects.mat import MatOp, Shape, ShapeError, algebra, calculus, elementwise, matrix_type, spell, structure
+from yasps.dialects.mat import (
+    MatOp,
+    Shape,
+    ShapeError,
+    algebra,
+    calculus,
+    comparison,
+    elementwise,
+    matrix_type,
+    spell,
+    structure,
+    trigonometry,
+)
 from yasps.dialects.mat.base import dense
 from yasps.frontend.errors import DataError, LineageError, SceneError, ShapeMismatchError, YaspsError
 from yasps.frontend.spelling import both_spellings
@@ -63,10 +75,11 @@ class Stored:
 
 @dataclass(frozen=True)
 class Joined:
-    """JOIN of `source` through `connectivity`."""
+    """JOIN of `source` through `connectivity`; of a variable arity, their "sum" or "mean"."""
 
     connectivity: Connectivity
     source: Attribute
+    operation: str | None = None
 
 
 @dataclass(frozen=True)
@@ -188,7 +201,10 @@ class Attribute:
         return f"<{kind} attribute {self.path} {spell(self._shape)}>"
 
     def __bool__(self) -> bool:
-        raise SceneError(f"{self.path} is symbolic and has no truth value; branch on numbers (compute().value) instead")
+        raise SceneError(
+            f"{self.path} is symbolic and has no truth value: choose with select(condition, a, b), minimum(a, b) or "
+            "maximum(a, b), or branch on numbers (compute().value)"
+        )
 
     def __array__(self, dtype: object = None, copy: object = None) -> NoReturn:
         raise SceneError(
@@ -287,6 +303,27 @@ class Attribute:
             )
         return combine(elementwise.PowOp, [self], {"exponent": FloatAttr(float(exponent), f64)})
 
+    # `==` and `!=` stay Python's: attributes are told apart by identity, as keys of dictionaries.
+
+    def __lt__(self, other: Any) -> Attribute:
+        return _comparison("lt", self, as_attribute(other))
+
+    def __le__(self, other: Any) -> Attribute:
+        return _comparison("le", self, as_attribute(other))
+
+    def __gt__(self, other: Any) -> Attribute:
+        return _comparison("lt", as_attribute(other), self)
+
+    def __ge__(self, other: Any) -> Attribute:
+        return _comparison("le", as_attribute(other), self)
+
+    def __abs__(self) -> Attribute:
+        return self.abs()
+
+    def abs(self) -> Attribute:
+        """Absolute value of every entry; also `abs(a)`."""
+        return combine(comparison.AbsOp, [self])
+
     def hadamard(self, other: Any) -> Attribute:
         """Entry-wise product."""
         return combine(elementwise.HadamardOp, [self, as_attribute(other)])
@@ -305,11 +342,23 @@ class Attribute:
 
     def sin(self) -> Attribute:
         """Sine of every entry."""
-        return combine(elementwise.SinOp, [self])
+        return combine(trigonometry.SinOp, [self])
 
     def cos(self) -> Attribute:
         """Cosine of every entry."""
-        return combine(elementwise.CosOp, [self])
+        return combine(trigonometry.CosOp, [self])
+
+    def tan(self) -> Attribute:
+        """Tangent of every entry."""
+        return combine(trigonometry.TanOp, [self])
+
+    def asin(self) -> Attribute:
+        """Arc sine of every entry."""
+        return combine(trigonometry.AsinOp, [self])
+
+    def acos(self) -> Attribute:
+        """Arc cosine of every entry."""
+        return combine(trigonometry.AcosOp, [self])
 
     # -- linear algebra ------------------------------------------------------------------------------------
 
@@ -346,7 +395,7 @@ class Attribute:
         return combine(algebra.SumOp, [self])
 
     def norm(self) -> Attribute:
-        """Euclidean (Frobenius) norm; 1x1. Not differentiable at 0."""
+        """Euclidean (Frobenius) norm; 1x1. At 0, where it has no derivative, 0 is taken."""
         return combine(algebra.NormOp, [self])
 
     def det(self) -> Attribute:
@@ -513,6 +562,11 @@ def identity(size: int) -> Attribute:
 def zeros(rows: int, cols: int) -> Attribute:
     """A matrix of zeros."""
     return constant(np.zeros((rows, cols)))
+
+
+def _comparison(predicate: str, left: Attribute, right: Attribute) -> Attribute:
+    """1 where it holds, 0 elsewhere."""
+    return combine(comparison.CompareOp, [left, right], {"predicate": StringAttr(predicate)})
 
 
 def _product(left: Attribute, right: Attribute) -> Attribute:

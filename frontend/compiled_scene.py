@@ -19,7 +19,7 @@ from yasps.frontend.attribute import Attribute, FloatArray, Joined, Stored, oper
 from yasps.frontend.connectivity import Connectivity
 from yasps.frontend.emit import EnergyTerm, SceneEmitter
 from yasps.frontend.entity import Entity
-from yasps.frontend.errors import NotFiniteError, UnsupportedSceneError
+from yasps.frontend.errors import ConnectivityError, NotFiniteError, UnsupportedSceneError
 from yasps.frontend.primitive import Primitive, PrimitiveUnion
 from yasps.passes.errors import CompileError
 from yasps.passes.pipeline import run_pipeline
@@ -179,6 +179,12 @@ class CompiledScene:
 
     # -- numbers -------------------------------------------------------------------------------------------
 
+    @property
+    def is_outgrown(self) -> bool:
+        """Has a connectivity of variable arity got longer rows than the code was compiled for?"""
+        connectivities = self.program.scene.connectivities
+        return any(c.arity != connectivities[name].arity.value.data for name, c in self.emitter.connected.items())
+
     def bind(self) -> None:
         """Points the program to the scene's arrays, if any has moved.
 
@@ -187,6 +193,11 @@ class CompiledScene:
         """
         if self._bound:
             return
+        if self.is_outgrown:
+            raise ConnectivityError(
+                "a connectivity of variable arity now has more neighbours on an instance than the scene was compiled for; "
+                "call scene.compile() again"
+            )
         for owner in self.emitter.owners.values():
             owner.check_consistent()
         start = 0

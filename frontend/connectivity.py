@@ -18,14 +18,29 @@ IntArray = NDArray[np.int32]
 
 @both_spellings
 class Connectivity:
-    """A map from each instance of `source` to `arity` instances of `target`."""
+    """A map from each instance of `source` to `arity` instances of `target`.
 
-    def __init__(self, name: str, source: PrimitiveBase, target: PrimitiveBase, indices: ArrayLike, arity: int) -> None:
+    Of a variable arity (`is_variable`), `arity` is the largest number of instances one refers to.
+    """
+
+    def __init__(
+        self,
+        name: str,
+        source: PrimitiveBase,
+        target: PrimitiveBase,
+        indices: ArrayLike,
+        *,
+        arity: int | None = None,
+        counts: ArrayLike | None = None,
+    ) -> None:
         self.name = name
         self.source = source
         self.target = target
-        self.arity = arity
-        self._indices = self._checked(indices)
+        self.is_variable = arity is None
+        self.arity = arity if arity is not None else 1
+        self._indices = self._checked(indices) if counts is None else self._checked_variable(indices, counts)
+        if self.is_variable:
+            self.arity = self._indices.shape[1]
 
     @property
     def path(self) -> str:
@@ -34,7 +49,10 @@ class Connectivity:
 
     @property
     def indices(self) -> IntArray:
-        """Indices [instances of source, arity]; read-only, see `update_value`."""
+        """Indices [instances of source, arity]; read-only, see `update_value`.
+
+        Of a variable arity, rows are as long as the longest and -1 fills them up.
+        """
         view = self._indices.view()
         view.flags.writeable = False
         return view
@@ -42,14 +60,28 @@ class Connectivity:
     def __repr__(self) -> str:
         return f"<connectivity {self.path}: {self.source.path} -> {self.arity} x {self.target.path}>"
 
-    def update_value(self, indices: ArrayLike) -> None:
-        """Replaces the indices; on a dynamic primitive the number of instances follows.
+    def update_value(self, indices: ArrayLike, counts: ArrayLike | None = None) -> None:
+        """Replaces the indices (of a variable arity, with the counts); on a dynamic primitive the number of instances
+        follows.
 
         Raises ConnectivityError for a wrong count, type or range; nothing is changed then.
         """
-        self._replace(self._checked(indices))
+        self._replace(self.checked_parts(indices if counts is None else (indices, counts)))
+
+    def checked_parts(self, value: Any) -> IntArray:
+        """Rows of indices from what a user gives: indices, or (indices, counts) of a variable arity."""
+        if not self.is_variable:
+            if isinstance(value, tuple) and len(value) == 2 and np.ndim(value[0]) > 0 and np.ndim(value[1]) > 0:
+                raise ConnectivityError(f"{self.path} has the fixed arity {self.arity} and takes no counts")
+            return self._checked(value)
+        if not (isinstance(value, tuple) and len(value) == 2):
+            raise ConnectivityError(f"{self.path} has a variable arity: give (indices, counts)")
+        return self._checked_variable(*value)
 
     def _replace(self, checked: IntArray) -> None:
+        if self.is_variable:
+            self.arity = max(self.arity, checked.shape[1])  # rows never get shorter: compiled code knows their length
+            checked = _filled_up(checked, self.arity)
         self._indices = checked
         if self.source.follows_data:
             self.source.set_num_instances(len(checked))
@@ -86,6 +118,40 @@ class Connectivity:
         self._check_range(rows, "")
         return np.ascontiguousarray(rows, dtype=np.int32).copy()
 
+    def _checked_variable(self, indices: ArrayLike, counts: ArrayLike) -> IntArray:
+        """Rows filled up with -1 from flat indices and how many of them each instance has (CSR)."""
+        flat, lengths = np.asarray(indices), np.asarray(counts)
+        for array, what in ((flat, "indices"), (lengths, "counts")):
+            if array.ndim != 1 or (array.size and array.dtype.kind not in "iu"):
+                raise ConnectivityError(
+                    f"{self.path}: {what} must be one flat list of integers, got {array.dtype} {array.shape}"
+                )
+        if lengths.size and lengths.min() < 0:
+            raise ConnectivityError(
+                f"{self.path}: count {lengths.min()} of instance {int(lengths.argmin())} is negative"
+            )
+        if lengths.sum() != flat.size:
+            raise ConnectivityError(
+                f"{self.path}: the counts add up to {int(lengths.sum())}, but there are {flat.size} indices"
+            )
+        if not self.source.follows_data and lengths.size != self.source.num_instances:
+            raise ConnectivityError(
+                f"{self.path} needs {self.source.num_instances} counts, one for each instance of {self.source.path}, got "
+                f"{lengths.size}"
+            )
+        rows = np.full((lengths.size, max(1, int(lengths.max(initial=0)))), -1, np.int64)
+        rows[np.arange(rows.shape[1]) < lengths[:, None]] = flat
+        wrong = np.argwhere(
+            (rows >= self.target.num_instances) | ((rows < 0) & (np.arange(rows.shape[1]) < lengths[:, None]))
+        )
+        if len(wrong):
+            row, slot = wrong[0]
+            raise ConnectivityError(
+                f"{self.path}: index {rows[row, slot]} of instance {row} is out of range; {self.target.label} has "
+                f"{self.target.num_instances} instances"
+            )
+        return rows.astype(np.int32)
+
     def check_consistent(self) -> None:
         """Raises ConnectivityError if source or target have changed their number of instances and the indices have not.
 
@@ -100,7 +166,8 @@ class Connectivity:
 
     def _check_range(self, rows: NDArray[Any], advice: str) -> None:
         count = self.target.num_instances
-        wrong = np.argwhere((rows < 0) | (rows >= count))
+        lowest = -1 if self.is_variable else 0
+        wrong = np.argwhere((rows < lowest) | (rows >= count))
         if len(wrong):
             row, slot = wrong[0]
             valid = f"valid are 0..{count - 1}" if count else "so none is valid"
@@ -108,3 +175,8 @@ class Connectivity:
                 f"{self.path}: index {rows[row, slot]} of instance {row} (slot {slot}) is out of range; "
                 f"{self.target.label} has {count} instances, {valid} ({len(wrong)} indices are out of range){advice}"
             )
+
+
+def _filled_up(rows: IntArray, length: int) -> IntArray:
+    """Rows of this length, filled up with -1."""
+    return np.ascontiguousarray(np.pad(rows, ((0, 0), (0, length - rows.shape[1])), constant_values=-1))

@@ -101,7 +101,7 @@ class SceneEmitter:
         if connectivity.path not in self.connectivities:
             source, target = self.owner(connectivity.source), self.owner(connectivity.target)
             self.connectivities[connectivity.path] = ConnectivityOp(
-                connectivity.path, source, target, connectivity.arity
+                connectivity.path, source, target, connectivity.arity, connectivity.is_variable
             )
             self.connected[connectivity.path] = connectivity
         return connectivity.path
@@ -139,7 +139,7 @@ class SceneEmitter:
         node = root.node if root is attribute else None
         if isinstance(node, Joined):
             source, connectivity = self.defined(node.source), self.connectivity(node.connectivity)
-            read: JoinOp | UnionOp = JoinOp(source, connectivity, matrix_type(attribute.shape))
+            read: JoinOp | UnionOp = JoinOp(source, connectivity, matrix_type(attribute.shape), node.operation)
             b.append(read)
             values[root] = read.result
         elif isinstance(node, United):

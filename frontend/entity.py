@@ -10,7 +10,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from yasps.dialects.mat import spell
-from yasps.frontend.attribute import Attribute, Joined, Named, Stored, checked_numbers
+from yasps.dialects.rel.body import JOIN_OPERATIONS
+from yasps.frontend.attribute import Attribute, Joined, Named, Stored, checked_numbers, concat_cols
 from yasps.frontend.connectivity import Connectivity
 from yasps.frontend.errors import (
     ConnectivityError,
@@ -118,11 +119,18 @@ class Entity(abc.ABC):
     def __iter__(self) -> NoReturn:
         raise TypeError(f"{self.label} can't be iterated over; its attributes are in .attributes")
 
-    def __getitem__(self, name: str) -> Attribute:
-        """The attribute of this name."""
+    def __getitem__(self, name: str | tuple[str, ...]) -> Attribute:
+        """The attribute of this name; of several names, all flattened side by side in one row, 1 x (sum of sizes)."""
+        if isinstance(name, tuple):
+            return self._packed(name)
         if name in self.attributes:
             return self.attributes[name]
         raise SceneError(f"{self.label} has no attribute {name!r}; it has {', '.join(self.attributes) or 'none'}")
+
+    def _packed(self, names: tuple[str, ...]) -> Attribute:
+        if not names:
+            raise SceneError(f"{self.label}[()] names no attribute; write {self.label}['x', 'y']")
+        return concat_cols([part.reshape(1, part.shape[0] * part.shape[1]) for part in map(self.__getitem__, names)])
 
     # -- attributes ----------------------------------------------------------------------------------------
 
@@ -143,13 +151,15 @@ class Entity(abc.ABC):
         computed_attribute: Attribute | None = None,
         through: Connectivity | None = None,
         source: Attribute | None = None,
+        operation: str | None = None,
     ) -> Attribute:
         """Adds an attribute under a name (paper, 4.2, 4.5, 4.6). Exactly one of:
 
         - `rows`, `cols`: numbers the user sets, rows x cols on each instance; may be a minimisation target;
         - `computed_attribute`: a name for an expression of this entity's lineage;
         - `through`, `source`: JOIN of `source` (an attribute of the connectivity's target) through the connectivity;
-          the result is arity x (rows cols);
+          the result is arity x (rows cols). Through a connectivity of variable arity, with `operation` "sum" or "mean":
+          the sum or mean over the connected instances, of the source's shape;
         - on a primitive union, the name alone: UNION of the members' attributes of that name.
 
         Raises NameTakenError, ShapeMismatchError, LineageError, ConnectivityError, DataError, SceneError.
@@ -171,7 +181,7 @@ class Entity(abc.ABC):
         if computed_attribute is not None:
             return self._add_named(name, computed_attribute)
         if given[2]:
-            return self._add_join(name, through, source)
+            return self._add_join(name, through, source, operation)
         if given[0]:
             if rows is None or cols is None:
                 raise ShapeMismatchError(f"{self.label}, attribute {name!r}: give both rows and cols")
@@ -215,7 +225,9 @@ class Entity(abc.ABC):
             )
         return self._register(name, Attribute(self, expression.shape, Named(expression), name))
 
-    def _add_join(self, name: str, through: Connectivity | None, source: Attribute | None) -> Attribute:
+    def _add_join(
+        self, name: str, through: Connectivity | None, source: Attribute | None, operation: str | None
+    ) -> Attribute:
         self.check_name(name, "an attribute")
         if not isinstance(through, Connectivity) or not isinstance(source, Attribute):
             raise SceneError(
@@ -232,8 +244,26 @@ class Entity(abc.ABC):
                 f"{self.label}, attribute {name!r}: the source {source.path} lives on {where}, but {through.path} "
                 f"leads to {through.target.label}"
             )
-        shape = (through.arity, source.shape[0] * source.shape[1])
-        return self._register(name, Attribute(self, shape, Joined(through, source), name))
+        if not through.is_variable:
+            if operation is not None:
+                raise SceneError(
+                    f"{self.label}, attribute {name!r}: {through.path} has the fixed arity {through.arity} and takes no "
+                    "operation; sum the rows of the JOIN instead"
+                )
+            shape = (through.arity, source.shape[0] * source.shape[1])
+            return self._register(name, Attribute(self, shape, Joined(through, source), name))
+        if operation not in JOIN_OPERATIONS:
+            raise SceneError(
+                f"{self.label}, attribute {name!r}: {through.path} has a variable arity, so operation must be one of "
+                f"{', '.join(JOIN_OPERATIONS)}, got {operation!r}"
+            )
+        if operation == "mean" and len(through.indices) and (through.indices[:, 0] < 0).any():
+            lonely = int(np.flatnonzero(through.indices[:, 0] < 0)[0])
+            raise ConnectivityError(
+                f"{self.label}, attribute {name!r}: instance {lonely} of {through.path} is connected to nothing, and there is "
+                'no mean of nothing; use operation="sum"'
+            )
+        return self._register(name, Attribute(self, source.shape, Joined(through, source, operation), name))
 
     def _add_union(self, name: str) -> Attribute:
         raise ShapeMismatchError(

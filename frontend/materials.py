@@ -84,6 +84,55 @@ def stable_neo_hookean(deformation: Attribute, mu: Scalar, lam: Scalar, volume: 
     return as_attribute(volume) * density
 
 
+def baraff_witkin(deformation: Attribute, stretch: Scalar, shear: Scalar, area: Scalar) -> Attribute:
+    """Cloth energy [J] of a triangle of rest area [m^2] with 3x2 deformation gradient F = [u v].
+
+    A (k_stretch ((|u| - 1)^2 + (|v| - 1)^2) + k_shear (u . v)^2): u and v are the images of warp and weft.
+    Baraff and Witkin 1998, eq. 10 and 11, as an energy of F: Kim 2020, "A finite element formulation of Baraff-Witkin
+    cloth", eq. 9 and 13. stretch, shear [J/m^2]: Pa times thickness. Stretch and compression count alike here.
+    """
+    if deformation.shape != (3, 2):
+        raise ShapeMismatchError(
+            f"cloth has a 3x2 deformation gradient, got {deformation.path} {deformation.shape}; see `triangle_deformation`"
+        )
+    u, v = deformation.col(0), deformation.col(1)
+    along_u, along_v, tilt = u.norm() - 1, v.norm() - 1, u.dot(v)
+    stretching = as_attribute(stretch) * (along_u * along_u + along_v * along_v)
+    return as_attribute(area) * (stretching + as_attribute(shear) * tilt * tilt)
+
+
+def triangle_deformation(positions: Attribute, rest_edges_inverse: Attribute) -> Attribute:
+    """F (3x2) of a linear triangle: current edges times the inverse of the rest edges in the triangle's own plane.
+
+    positions: 3x3, one vertex a row (a JOIN); rest_edges_inverse: 2x2 [1/m], columns of its inverse are the rest edges
+    from vertex 0, see `rest_triangles`.
+    """
+    if positions.shape != (3, 3):
+        raise ShapeMismatchError(f"a triangle has 3x3 positions, got {positions.path} {positions.shape}")
+    edges = concat_rows([positions.row(i) - positions.row(0) for i in (1, 2)])
+    return edges.T * rest_edges_inverse
+
+
+def hinge_bending(positions: Attribute, stiffness: Scalar) -> Attribute:
+    """Bending energy [J] of two triangles that share an edge: k |N_1 - N_2|^2 = 4 k sin^2(theta / 2), flat at rest.
+
+    positions: 4x3 (a JOIN), the shared edge is rows 0 and 1, row 2 lies on its left and row 3 on its right, so that
+    (0, 1, 2) and (1, 0, 3) turn the same way. N: unit normals; theta: the angle between them. stiffness [J]: bending
+    stiffness times 3 l^2 / (area of both), l the edge's rest length (Grinspun et al. 2003, "Discrete shells", eq. 3).
+    The square keeps it smooth where the hinge is flat, where the paper's l |N_1 - N_2| (9.2) has no derivative.
+    """
+    first, second = _hinge_normals(positions)
+    difference = first / first.norm() - second / second.norm()
+    return as_attribute(stiffness) * difference.dot(difference)
+
+
+def _hinge_normals(positions: Attribute) -> tuple[Attribute, Attribute]:
+    if positions.shape != (4, 3):
+        raise ShapeMismatchError(f"a hinge has 4x3 positions, got {positions.path} {positions.shape}")
+    edge, left, right = (positions.row(i) - positions.row(0) for i in (1, 2, 3))
+    return edge.cross(left), right.cross(edge)
+
+
 def affine_orthogonality(affine_matrix: Attribute, stiffness: Scalar) -> Attribute:
     """Stiffness energy [J] of an affine body: s/2 ||A^T A - I||^2, zero for rotations (paper, 10.1; Lan et al. 2022).
 

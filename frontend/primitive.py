@@ -34,10 +34,20 @@ class PrimitiveBase(Entity):
         """The scene it belongs to."""
         return self.mesh.scene
 
-    def add_connectivity(self, name: str, target: PrimitiveBase, indices: ArrayLike, arity: int) -> Connectivity:
+    def add_connectivity(
+        self,
+        name: str,
+        target: PrimitiveBase,
+        indices: ArrayLike,
+        arity: int | None = None,
+        *,
+        counts: ArrayLike | None = None,
+    ) -> Connectivity:
         """Connects each instance to `arity` instances of `target` (0-based; paper, 4.4).
 
         indices: instances x arity of them, flat or in rows; empty for a dynamic primitive until it is known.
+        counts: instead of arity, how many of the (flat) indices each instance has; JOINs through such a connectivity of
+        variable arity are sums or means (`operation`).
         Raises ConnectivityError for a wrong count, type, arity or range; NameTakenError.
         """
         self.check_child_name(name, "a connectivity")
@@ -47,11 +57,15 @@ class PrimitiveBase(Entity):
             )
         if target.scene is not self.scene:
             raise ConnectivityError(f"{self.label}, connectivity {name!r}: {target.label} belongs to another scene")
-        if not isinstance(arity, int | np.integer) or isinstance(arity, bool) or arity < 1:
+        if (arity is None) == (counts is None):
+            raise ConnectivityError(f"{self.label}, connectivity {name!r}: give either arity or counts")
+        if arity is not None and (not isinstance(arity, int | np.integer) or isinstance(arity, bool) or arity < 1):
             raise ConnectivityError(
                 f"{self.label}, connectivity {name!r}: arity must be a positive integer, got {arity!r}"
             )
-        connectivity = Connectivity(name, self, target, indices, int(arity))
+        connectivity = Connectivity(
+            name, self, target, indices, arity=int(arity) if arity is not None else None, counts=counts
+        )
         if self.follows_data and len(connectivity.indices) != self.num_instances:
             if any(len(other.indices) for other in self.connectivities.values()):
                 raise ConnectivityError(
@@ -123,7 +137,7 @@ class Primitive(PrimitiveBase):
         for name, value in parts.items():
             if name in self.connectivities:
                 connectivity = self.connectivities[name]
-                indices[connectivity] = connectivity._checked(value)
+                indices[connectivity] = connectivity.checked_parts(value)
                 counts[name] = len(indices[connectivity])
             elif name in self.attributes and isinstance(self.attributes[name].node, Stored):
                 attribute = self.attributes[name]

@@ -245,7 +245,7 @@ class Scene(Entity):
             raise SceneError(f"{self.label} has no energy yet: add_energy(attribute) first")
         if need_targets and not self._targets:
             raise SceneError(f"{self.label} has no minimisation target yet: add_minimize_target(attribute) first")
-        if self._compiled is None:
+        if self._compiled is None or self._compiled.is_outgrown:
             self._compiled = self._compile_for(self._energies, self._targets, [], self._dump_folder())
         return self._compiled
 
@@ -280,7 +280,7 @@ class Scene(Entity):
         self._check_own(attribute, "what is computed")
         if isinstance(attribute.node, Stored):
             return attribute.node.array.copy()
-        if attribute.evaluator is None:
+        if attribute.evaluator is None or attribute.evaluator.is_outgrown:
             self._evaluations += 1
             folder = self._dump_folder(f"compute-{self._evaluations}")
             attribute.evaluator = self._compile_for([], [], [attribute], folder)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 
 from xdsl.ir import SSAValue
 
@@ -18,17 +19,94 @@ def pull_back(
     The block must hold the primal operations already; the cotangents are appended to it. Values that the seeds
     don't reach are missing from the result.
     """
-    cotangents = dict(seeds)
+    guards = _Guards(b)
+    parts: dict[SSAValue, list[_Part]] = {value: [_Part(None, seed)] for value, seed in seeds.items()}
     stops = set(stop_at)
     for op in reversed([op for op in dependence.block.ops if isinstance(op, MatOp)]):
-        cotangent = cotangents.get(op.result)
-        if cotangent is None or op.result in stops or not dependence.is_active(op.result):
+        if op.result not in parts or op.result in stops or not dependence.is_active(op.result):
             continue
-        for operand, part in zip(op.operands, op.pullback(b, cotangent), strict=True):
-            if part is not None and dependence.is_active(operand):
-                known = cotangents.get(operand)
-                cotangents[operand] = part if known is None else b.add(known, part)
-    return {value: cotangents[value] for value in stop_at if value in cotangents}
+        whole = guards.sum(parts.pop(op.result))
+        choice = op.chosen_by(b)
+        if choice is not None:
+            first, second, condition = choice
+            guard_first, guard_second = guards.split(whole.guard, condition)
+            pulled = [(first, _Part(guard_first, whole.value)), (second, _Part(guard_second, whole.value))]
+        else:
+            pulled = [
+                (k, _Part(whole.guard, part)) for k, part in enumerate(op.pullback(b, whole.value)) if part is not None
+            ]
+        for k, part in pulled:
+            if dependence.is_active(op.operands[k]):
+                parts.setdefault(op.operands[k], []).append(part)
+    return {value: guards.applied(guards.sum(parts[value])) for value in stop_at if value in parts}
+
+
+@dataclass(frozen=True)
+class _Part:
+    """A cotangent that counts where the 1x1 truth value `guard` holds, everywhere if it is None.
+
+    Elsewhere it is zero, and `value` may be anything, NaN too: what lies behind a choice not taken is pulled back like
+    all the rest, but never multiplied with a zero, which would let its NaN and infinity through.
+    """
+
+    guard: SSAValue | None
+    value: SSAValue
+
+
+class _Guards:
+    """Truth values made of the conditions of nested choices."""
+
+    def __init__(self, b: MatBuilder) -> None:
+        self.b = b
+        self._choices: dict[tuple[SSAValue, SSAValue], tuple[SSAValue | None, SSAValue]] = {}
+        """For the guards of a choice's two sides: the guard of the choice itself, and its condition."""
+
+    def split(self, guard: SSAValue | None, condition: SSAValue) -> tuple[SSAValue, SSAValue]:
+        """Guards of the two sides of a choice that is itself guarded."""
+        b, zero = self.b, self.b.number(0.0)
+        if guard is None:
+            sides = condition, b.select(condition, zero, b.number(1.0))
+        else:
+            sides = b.select(condition, guard, zero), b.select(condition, zero, guard)
+        self._choices[sides] = (guard, condition)
+        return sides
+
+    def sum(self, parts: Sequence[_Part]) -> _Part:
+        """One part of several: of equal guards, of the sides of one choice, of any others, in this order."""
+        left: list[_Part] = []
+        for part in parts:
+            self._join(left, part)
+        total, *others = left
+        for other in others:
+            if total.guard is None or other.guard is None:
+                guard = None
+            else:
+                guard = self.b.select(total.guard, self.b.number(1.0), other.guard)
+            total = _Part(guard, self.b.add(self.applied(total), self.applied(other)))
+        return total
+
+    def _join(self, parts: list[_Part], new: _Part) -> None:
+        """Adds a part to the others, to one of them if both can be one without a zero."""
+        for k, part in enumerate(parts):
+            if part.guard is new.guard:
+                del parts[k]
+                self._join(parts, _Part(new.guard, self.b.add(part.value, new.value)))
+                return
+            for first, second in ((part, new), (new, part)):
+                if first.guard is None or second.guard is None:
+                    continue
+                choice = self._choices.get((first.guard, second.guard))
+                if choice is not None:
+                    del parts[k]
+                    self._join(parts, _Part(choice[0], self.b.select(choice[1], first.value, second.value)))
+                    return
+        parts.append(new)
+
+    def applied(self, part: _Part) -> SSAValue:
+        """The cotangent with its zeros."""
+        if part.guard is None:
+            return part.value
+        return self.b.select(part.guard, part.value, self.b.zeros(shape_of(part.value)))
 
 
 class PushForward:

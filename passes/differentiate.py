@@ -2,8 +2,8 @@
 
 Each energy is split at its boundary nodes. `rel.derivative` holds its gradient and Hessian with respect to the boundary
 inputs that lead to a target; `rel.jacobian` holds, for every attribute a JOIN or UNION leads through on the way, how it
-changes with *its* boundary inputs, and `rel.curvature`, only for a nonlinear one, its second derivatives contracted with
-a cotangent. Derivatives of shared attributes are so made once and used by every energy.
+changes with *its* boundary inputs, and `rel.curvature`, only for a nonlinear one, its second derivatives contracted
+with a cotangent. Derivatives of shared attributes are so made once and used by every energy.
 
 Inside an energy the smallest linear cut y = L x + c is kept: phi's derivatives are taken with respect to y and pulled
 back as L^T g and L^T H L (eq. 3; L is free of the targets, so the curvature term is zero).

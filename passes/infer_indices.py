@@ -123,7 +123,7 @@ class _IndexInference:
             kappa = self.kappa_of(name_of(read.source))
             connectivity = name_of(read.connectivity)
             shape = (self.arities[connectivity], kappa.matrix_type.get_shape()[1])
-            op = JoinOp(kappa.symbol, connectivity, matrix_type(shape, i32))
+            op = JoinOp(kappa.symbol, connectivity, matrix_type(shape, i32))  # of a variable arity: all, padded with 0
         b.append(op)
         rows, cols = shape_of(op.result)
         return b.reshape(op.result, (1, rows * cols))

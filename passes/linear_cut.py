@@ -15,11 +15,10 @@ from scipy.sparse.csgraph import breadth_first_order, maximum_flow
 from xdsl.ir import Block, SSAValue
 
 from yasps.dialects.mat import MatOp, shape_of
-from yasps.dialects.mat.calculus import StopGradientOp
 
 
 class Dependence(Enum):
-    """How a value depends on the active inputs."""
+    """How a value depends on the active inputs; AFFINE is meant between kinks, as `MatOp.is_linear` is."""
 
     CONSTANT = 0
     AFFINE = 1
@@ -39,7 +38,7 @@ class DependenceMap:
                     self._kinds[op.result] = kind
 
     def _of_operation(self, op: MatOp) -> Dependence:
-        if isinstance(op, StopGradientOp):
+        if op.HELD_CONSTANT:
             return Dependence.CONSTANT
         kinds = [self[operand] for operand in op.operands]
         if all(kind is Dependence.CONSTANT for kind in kinds):

@@ -43,7 +43,12 @@ BINARY: dict[str, Callable[[SSAValue, SSAValue], Operation]] = {
     "sub": arith.SubfOp,
     "mul": arith.MulfOp,
     "div": arith.DivfOp,
+    "min": arith.MinimumfOp,
+    "max": arith.MaximumfOp,
+    "atan2": math.Atan2Op,
 }
+COMPARISONS = {"lt": "olt", "le": "ole", "ne": "one"}
+"""Ordered predicates of `arith.cmpf`: false on NaN."""
 UNARY: dict[str, Callable[[SSAValue], Operation]] = {
     "neg": arith.NegfOp,
     "sqrt": math.SqrtOp,
@@ -55,6 +60,7 @@ UNARY: dict[str, Callable[[SSAValue], Operation]] = {
     "asin": math.AsinOp,
     "acos": math.AcosOp,
     "atan": math.AtanOp,
+    "abs": math.AbsFOp,
 }
 
 
@@ -140,6 +146,10 @@ def _function(
             exponent = _constant(graph.values[node], f64)
             block.add_op(exponent)
             op = math.PowFOp(arguments[0], exponent.results[0])
+        elif kind in COMPARISONS:
+            op = arith.CmpfOp(arguments[0], arguments[1], COMPARISONS[kind])
+        elif kind == "select":
+            op = arith.SelectOp(*arguments)
         elif kind in BINARY:
             op = BINARY[kind](*arguments)
         else:

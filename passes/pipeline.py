@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import gc
+import re
 from collections.abc import Callable
 from pathlib import Path
 
@@ -12,12 +13,17 @@ from xdsl.dialects.builtin import Builtin, ModuleOp
 from xdsl.passes import ModulePass, PassPipeline
 from xdsl.transforms.canonicalize import CanonicalizePass
 from xdsl.transforms.common_subexpression_elimination import CommonSubexpressionElimination
+from xdsl.utils.exceptions import DiagnosticException
 
 from yasps.dialects.mat import Mat
 from yasps.dialects.rel import Rel
+from yasps.dialects.rel.declarations import Declaration
+from yasps.passes.bodies import containers
 from yasps.passes.differentiate import Differentiate
+from yasps.passes.errors import RULE_BROKEN, CompileError, place_of, reason_of
 from yasps.passes.infer_indices import InferIndices
 from yasps.passes.inline_references import InlineReferences
+from yasps.passes.ir_text import text_of
 from yasps.passes.lower_to_scalar import LowerToScalar
 from yasps.passes.outline_modules import OutlineModules
 from yasps.passes.project_psd import ProjectPsd
@@ -43,22 +49,30 @@ def make_context() -> Context:
 
 
 def run_pipeline(
-    module: ModuleOp, dump_to: Path | None = None, after: Callable[[str, ModuleOp], None] | None = None
+    module: ModuleOp,
+    dump_to: Path | None = None,
+    after: Callable[[str, ModuleOp], None] | None = None,
+    *,
+    locations: bool = False,
 ) -> ModuleOp:
     """Runs every pass on the module, in place, and verifies after each.
 
-    `dump_to`: folder for `00-frontend.mlir`, `01-canonicalize.mlir`, ...; `after` is called with each
-    stage's name and module.
+    dump_to: folder for `00-frontend.mlir`, `01-canonicalize.mlir`, ..., where `locations` says whether each attribute
+    tells the line of Python that made it; after: called with each stage's name and module.
+
+    Raises CompileError that names the pass, the attribute and that line; the dump of a stage that does not verify is
+    there to read.
     """
     stage = 0
 
-    def finished(previous: ModulePass | None, current: ModuleOp, following: ModulePass | None) -> None:
+    def dump(previous: ModulePass | None, current: ModuleOp, following: ModulePass | None) -> None:
         nonlocal stage
-        current.verify()
         name = "frontend" if previous is None else previous.name
         if dump_to is not None:
             dump_to.mkdir(parents=True, exist_ok=True)
-            (dump_to / f"{stage:02d}-{name}.mlir").write_text(str(current) + "\n", encoding="utf-8")
+            text = text_of(current, locations=locations)
+            (dump_to / f"{stage:02d}-{name}.mlir").write_text(text, encoding="utf-8")
+        verify(current, previous)
         if after is not None:
             after(name, current)
         stage += 1
@@ -67,8 +81,72 @@ def run_pipeline(
     relaxed = (100_000, 50, 50)  # many small long-lived objects: default collections double the time
     gc.set_threshold(*relaxed)
     try:
-        PassPipeline(PIPELINE, finished).apply(make_context(), module)
+        run_passes(PassPipeline(PIPELINE, dump), make_context(), module)
     finally:
         if thresholds != relaxed:  # else another thread is compiling too and puts the old ones back
             gc.set_threshold(*thresholds)
     return module
+
+
+def run_passes(pipeline: PassPipeline, context: Context, module: ModuleOp) -> None:
+    """Applies the passes in place, with the pipeline's callback between them; what they raise becomes a CompileError.
+
+    It says which pass raised it, about which attribute, and where that was made, as far as these are known.
+    """
+    running: ModulePass | None = None
+
+    def note_pass(previous: ModulePass | None, current: ModuleOp, following: ModulePass | None) -> None:
+        nonlocal running
+        if pipeline.callback is not None:
+            pipeline.callback(previous, current, following)
+        running = following
+
+    try:
+        PassPipeline(pipeline.passes, note_pass).apply(context, module)
+    except RULE_BROKEN as error:
+        if isinstance(error, CompileError) and error.during is not None:
+            raise
+        raise _explained(error, module, f"pass {running.name}" if running is not None else None) from error
+
+
+def verify(module: ModuleOp, made_by: ModulePass | None) -> None:
+    """Raises CompileError where the module breaks a law; `made_by` is the pass it comes from, None for the input."""
+    try:
+        module.verify()
+    except DiagnosticException as error:
+        during = None if made_by is None else f"what pass {made_by.name} made is wrong, a bug of that pass"
+        raise _explained(error, module, during) from error
+
+
+def _explained(error: Exception, module: ModuleOp, during: str | None) -> CompileError:
+    """The error with all that can be found out about where it comes from."""
+    if hasattr(error, "__notes__"):
+        error.__notes__.clear()  # xDSL writes the whole module there, for every traceback to show
+    if isinstance(error, CompileError) and error.symbol is not None:
+        return CompileError(error.reason, during=during, symbol=error.symbol, place=error.place)
+    reason = reason_of(error)
+    op = _declaration_that_breaks_a_rule(module) or _declaration_named_in(reason, module)
+    if op is None:
+        return CompileError(reason, during=during)
+    return CompileError(reason, during=during, symbol=op.symbol, place=place_of(op))
+
+
+def _declarations(module: ModuleOp) -> list[Declaration]:
+    return [op for container in containers(module) for op in container.body.block.ops if isinstance(op, Declaration)]
+
+
+def _declaration_that_breaks_a_rule(module: ModuleOp) -> Declaration | None:
+    """The first declaration that does not verify by itself: xDSL's error says what is wrong, but not with whom."""
+    for op in _declarations(module):
+        try:
+            op.verify()
+        except DiagnosticException:
+            return op
+    return None
+
+
+def _declaration_named_in(reason: str, module: ModuleOp) -> Declaration | None:
+    """The declaration a message is about: laws, which look at several, name the offender first."""
+    declared = {op.symbol: op for op in reversed(_declarations(module))}
+    names = re.findall(r"@([\w.$]*[\w$])", reason)
+    return declared.get(names[0]) if names else None

@@ -1,8 +1,8 @@
 """`project-psd`: decides for each energy where its Hessian is made positive semi-definite (paper, 5.4, 7.2, 10.4).
 
-Where all layers below an energy are affine, projecting at the boundary is enough; and where the Hessian is L^T S L with L
-free of the targets, S is smaller still and is projected instead. Where a layer below is nonlinear, its curvature term is
-part of the Hessian, and only the whole local Hessian, expanded to the targets and compressed, can be projected.
+Where all layers below an energy are affine, projecting at the boundary is enough; and where the Hessian is L^T S L with
+L free of the targets, S is smaller still and is projected instead. Where a layer below is nonlinear, its curvature term
+is part of the Hessian, and only the whole local Hessian, expanded to the targets and compressed, can be projected.
 """
 
 from __future__ import annotations
@@ -49,6 +49,7 @@ def _project(derivative: DerivativeOp) -> None:
             "the whole local Hessian, expanded to the targets: an input is nonlinear in them"
         )
         return
+    assert terminator.hessian is not None
     symmetric = _innermost(derivative, terminator)
     full, width = shape_of(terminator.hessian)[0], shape_of(symmetric)[0]
     reason = "the energy reads its inputs through a linear cut" if width < full else "no narrower linear cut"

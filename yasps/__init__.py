@@ -18,6 +18,7 @@ from yasps.frontend.errors import (
     UnsupportedSceneError,
     YaspsError,
 )
+from yasps.frontend.functions import atan2, maximum, minimum, select
 from yasps.frontend.mesh import Mesh
 from yasps.frontend.primitive import Primitive, PrimitiveUnion
 from yasps.frontend.scene import Scene, Solution, add_scene, scene
@@ -50,12 +51,16 @@ __all__ = [
     "__version__",
     "addScene",
     "add_scene",
+    "atan2",
     "concatCols",
     "concatRows",
     "concat_cols",
     "concat_rows",
     "constant",
     "identity",
+    "maximum",
+    "minimum",
     "scene",
+    "select",
     "zeros",
 ]

@@ -2,7 +2,7 @@
 
 Values are `tensor<RxCxf64>` (or `xi32` for placement indices), one for every instance of a primitive. Each operation
 holds in one class its shape law, its NumPy meaning, its derivative rule and its scalar code; the classes stand in
-`elementwise`, `algebra`, `structure` and `calculus`.
+`elementwise`, `trigonometry`, `comparison`, `algebra`, `structure` and `calculus`.
 """
 
 from typing import cast
@@ -11,7 +11,7 @@ from xdsl.dialect_interfaces.constant_materialization import ConstantMaterializa
 from xdsl.dialects.builtin import DenseIntOrFPElementsAttr
 from xdsl.ir import Attribute, Dialect, Operation
 
-from yasps.dialects.mat import algebra, calculus, elementwise, structure
+from yasps.dialects.mat import algebra, calculus, comparison, elementwise, structure, trigonometry
 from yasps.dialects.mat.base import (
     Batch,
     MatOp,
@@ -25,7 +25,14 @@ from yasps.dialects.mat.base import (
 )
 from yasps.dialects.mat.builder import MatBuilder
 
-OPERATIONS: tuple[type[MatOp], ...] = (*elementwise.OPS, *algebra.OPS, *structure.OPS, *calculus.OPS)
+OPERATIONS: tuple[type[MatOp], ...] = (
+    *elementwise.OPS,
+    *trigonometry.OPS,
+    *comparison.OPS,
+    *algebra.OPS,
+    *structure.OPS,
+    *calculus.OPS,
+)
 
 
 class _MaterializeConstant(ConstantMaterializationInterface):

@@ -74,6 +74,8 @@ class MatOp(IRDLOperation, HasFolderInterface, abc.ABC):
     ARITY: ClassVar[int | None] = None
     """Number of operands; None means any number from one."""
     DIFFERENTIABLE: ClassVar[bool] = True
+    HELD_CONSTANT: ClassVar[bool] = False
+    """Is the result constant for differentiation, whatever the operands? Then the derivative rules give None."""
 
     def __init__(
         self,
@@ -117,19 +119,34 @@ class MatOp(IRDLOperation, HasFolderInterface, abc.ABC):
         """NumPy meaning over all instances at once: [n, r, c] arrays to an [n, r, c] array."""
 
     def is_linear(self, active: Sequence[bool]) -> bool:
-        """Is the result affine in its active operands taken together (the others held constant)?"""
+        """Is the result affine in its active operands taken together (the others held constant)?
+
+        Between kinks is enough: second derivatives are zero wherever they exist.
+        """
         del active
         return False
 
     def pushforward(self, b: MatBuilder, tangents: Sequence[SSAValue | None]) -> SSAValue | None:
         """Tangent of the result for tangents of the operands; None stands for zero."""
         del b, tangents
+        if self.HELD_CONSTANT:
+            return None
         raise NotDifferentiableError(f"{self.name} has no derivative rule")
 
     def pullback(self, b: MatBuilder, cotangent: SSAValue) -> Sequence[SSAValue | None]:
         """Cotangents of the operands for a cotangent of the result; None stands for zero."""
         del b, cotangent
+        if self.HELD_CONSTANT:
+            return [None] * len(self.operands)
         raise NotDifferentiableError(f"{self.name} has no derivative rule")
+
+    def chosen_by(self, b: MatBuilder) -> tuple[int, int, SSAValue] | None:
+        """For a whole choice: (k, m, c) where the result is operand k if the 1x1 truth value c holds, else operand m.
+
+        Reverse mode uses it to leave the derivative of the other operand out, even where that is not finite.
+        """
+        del b
+        return None
 
     @abc.abstractmethod
     def lower(self, s: ScalarGraph, *inputs: Sequence[Node]) -> list[Node]:

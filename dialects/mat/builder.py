@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 from xdsl.dialects.builtin import DenseArrayBase, Float64Type, FloatAttr, IntegerType, StringAttr, f64, i64
 from xdsl.ir import Attribute, Block, Operation, SSAValue
 
-from yasps.dialects.mat import algebra, calculus, elementwise, structure
+from yasps.dialects.mat import algebra, calculus, comparison, elementwise, structure, trigonometry
 from yasps.dialects.mat.base import MatOp, Matrix, Shape, dense, matrix_type, shape_of
 
 
@@ -116,11 +116,14 @@ class MatBuilder:
             return self.constant(np.ones(shape_of(a)))
         return self.emit(elementwise.PowOp, [a], {"exponent": FloatAttr(exponent, f64)})
 
+    def sqrt(self, a: SSAValue) -> SSAValue:
+        return self.emit(elementwise.SqrtOp, [a])
+
     def sin(self, a: SSAValue) -> SSAValue:
-        return self.emit(elementwise.SinOp, [a])
+        return self.emit(trigonometry.SinOp, [a])
 
     def cos(self, a: SSAValue) -> SSAValue:
-        return self.emit(elementwise.CosOp, [a])
+        return self.emit(trigonometry.CosOp, [a])
 
     def total(self, terms: Sequence[SSAValue | None]) -> SSAValue | None:
         """Sum of the terms that are there; None if none is."""
@@ -135,6 +138,29 @@ class MatBuilder:
         if b is None:
             return a
         return self.neg(b) if a is None else self.sub(a, b)
+
+    # -- choices -------------------------------------------------------------------------------------------
+
+    def less(self, a: SSAValue, b: SSAValue) -> SSAValue:
+        return self.emit(comparison.CompareOp, [a, b], {"predicate": StringAttr("lt")})
+
+    def less_equal(self, a: SSAValue, b: SSAValue) -> SSAValue:
+        return self.emit(comparison.CompareOp, [a, b], {"predicate": StringAttr("le")})
+
+    def select(self, condition: SSAValue, a: SSAValue, b: SSAValue) -> SSAValue:
+        return self.emit(comparison.SelectOp, [condition, a, b])
+
+    def select_tangent(self, condition: SSAValue, a: SSAValue | None, b: SSAValue | None) -> SSAValue | None:
+        """A choice between tangents, where None stands for zero."""
+        if a is None and b is None:
+            return None
+        zero = self.zeros(shape_of(cast(SSAValue, a or b)))
+        return self.select(condition, zero if a is None else a, zero if b is None else b)
+
+    def reciprocal_or_zero(self, a: SSAValue) -> SSAValue:
+        """1 / a of a 1x1 value a >= 0, and 0 for a = 0, where its derivatives are 0 too."""
+        zero = self.number(0.0)
+        return self.select(self.less_equal(a, zero), zero, self.power(a, -1.0))
 
     # -- linear algebra ------------------------------------------------------------------------------------
 

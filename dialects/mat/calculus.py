@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, ClassVar, cast
+from typing import ClassVar, cast
 
 import numpy as np
 from xdsl.dialects.builtin import StringAttr
@@ -12,9 +12,6 @@ from xdsl.irdl import irdl_op_definition, prop_def
 
 from yasps.dialects.mat.base import Batch, MatOp, Shape, ShapeError, is_identity, shape_of, spell, square
 from yasps.dialects.scalar_graph import Node, ScalarGraph
-
-if TYPE_CHECKING:
-    from yasps.dialects.mat.builder import MatBuilder
 
 PROJECTION_MODES = ("clamp", "abs")
 
@@ -25,6 +22,7 @@ class StopGradientOp(MatOp):
 
     name = "mat.stop_gradient"
     ARITY: ClassVar = 1
+    HELD_CONSTANT: ClassVar = True
 
     @classmethod
     def infer(cls, shapes: Sequence[Shape], properties: dict[str, Attribute]) -> Shape:
@@ -32,12 +30,6 @@ class StopGradientOp(MatOp):
 
     def evaluate(self, *inputs: Batch) -> Batch:
         return inputs[0]
-
-    def pushforward(self, b: MatBuilder, tangents: Sequence[SSAValue | None]) -> SSAValue | None:
-        return None
-
-    def pullback(self, b: MatBuilder, cotangent: SSAValue) -> Sequence[SSAValue | None]:
-        return (None,)
 
     def lower(self, s: ScalarGraph, *inputs: Sequence[Node]) -> list[Node]:
         return list(inputs[0])

@@ -285,28 +285,6 @@ class LogOp(EntrywiseFunction):
 
 
 @irdl_op_definition
-class SinOp(EntrywiseFunction):
-    """Sine."""
-
-    name = "mat.sin"
-    FUNCTION: ClassVar = "sin"
-
-    def derivative(self, b: MatBuilder) -> SSAValue:
-        return b.cos(self.operands[0])
-
-
-@irdl_op_definition
-class CosOp(EntrywiseFunction):
-    """Cosine."""
-
-    name = "mat.cos"
-    FUNCTION: ClassVar = "cos"
-
-    def derivative(self, b: MatBuilder) -> SSAValue:
-        return b.neg(b.sin(self.operands[0]))
-
-
-@irdl_op_definition
 class PowOp(EntrywiseFunction):
     """x ** p with a constant exponent p; integer exponents are exact products, for any sign of x."""
 
@@ -339,4 +317,4 @@ class PowOp(EntrywiseFunction):
         return [s.power(a, self.power) for a in inputs[0]]
 
 
-OPS = (AddOp, SubOp, NegOp, HadamardOp, ScaleOp, DivideOp, SqrtOp, ExpOp, LogOp, SinOp, CosOp, PowOp)
+OPS = (AddOp, SubOp, NegOp, HadamardOp, ScaleOp, DivideOp, SqrtOp, ExpOp, LogOp, PowOp)

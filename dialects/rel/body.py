@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from typing import cast
 
 from xdsl.dialects.builtin import ArrayAttr, IntegerAttr, IntegerType, StringAttr, SymbolRefAttr, i64
-from xdsl.ir import SSAValue
+from xdsl.ir import Attribute, SSAValue
 from xdsl.irdl import (
     AttrSizedOperandSegments,
     IRDLOperation,
@@ -14,6 +14,7 @@ from xdsl.irdl import (
     irdl_op_definition,
     operand_def,
     opt_operand_def,
+    opt_prop_def,
     prop_def,
     result_def,
     traits_def,
@@ -26,6 +27,9 @@ from xdsl.utils.exceptions import VerifyException
 from yasps.dialects.mat import Matrix, matrix_type, shape_of, spell
 from yasps.dialects.mat.calculus import PROJECTION_MODES
 from yasps.dialects.rel.declarations import symbol
+
+
+JOIN_OPERATIONS = ("sum", "mean")
 
 
 class ReadOp(IRDLOperation):
@@ -66,17 +70,32 @@ class RefOp(ReadOp):
 
 @irdl_op_definition
 class JoinOp(ReadOp):
-    """JOIN: values at the connected instances, one row of r c entries each (paper, eq. 2)."""
+    """JOIN: values at the connected instances, one row of r c entries each (paper, eq. 2).
+
+    Through a connectivity of variable arity their "sum" or "mean" instead, of the source's shape; placement indices are
+    gathered one below the other, and 0 fills up to the largest arity.
+    """
 
     name = "rel.join"
     source = prop_def(SymbolRefAttr)
     connectivity = prop_def(SymbolRefAttr)
-    assembly_format = "$source `through` $connectivity attr-dict `:` type($result)"
+    operation = opt_prop_def(StringAttr)
+    assembly_format = "$source `through` $connectivity (`operation` $operation^)? attr-dict `:` type($result)"
 
-    def __init__(self, source: str, connectivity: str, type_: Matrix) -> None:
-        super().__init__(
-            properties={"source": symbol(source), "connectivity": symbol(connectivity)}, result_types=[type_]
-        )
+    def __init__(self, source: str, connectivity: str, type_: Matrix, operation: str | None = None) -> None:
+        properties: dict[str, Attribute] = {"source": symbol(source), "connectivity": symbol(connectivity)}
+        if operation is not None:
+            properties["operation"] = StringAttr(operation)
+        super().__init__(properties=properties, result_types=[type_])
+
+    @property
+    def reduction(self) -> str | None:
+        """ "sum", "mean" or None."""
+        return self.operation.data if self.operation is not None else None
+
+    def verify_(self) -> None:
+        if self.reduction not in (None, *JOIN_OPERATIONS):
+            raise VerifyException(f"operation must be one of {', '.join(JOIN_OPERATIONS)}, got {self.reduction!r}")
 
 
 @irdl_op_definition

@@ -138,23 +138,28 @@ class PrimitiveUnionOp(Declaration):
 
 @irdl_op_definition
 class ConnectivityOp(Declaration):
-    """A map from each instance of one primitive to `arity` instances of another (paper, 4.4)."""
+    """A map from each instance of one primitive to `arity` instances of another (paper, 4.4).
+
+    Of a `variable` one, `arity` is the most instances any instance refers to; -1 fills the rows of the others.
+    """
 
     name = "rel.connectivity"
     source = prop_def(SymbolRefAttr)
     target = prop_def(SymbolRefAttr)
     arity = prop_def(IntegerAttr)
-    assembly_format = "$sym_name `from` $source `to` $target `arity` $arity attr-dict"
+    variable = opt_prop_def(UnitAttr)
+    assembly_format = "$sym_name `from` $source `to` $target `arity` $arity (`variable` $variable^)? attr-dict"
 
-    def __init__(self, name: str, source: str, target: str, arity: int) -> None:
-        super().__init__(
-            properties={
-                "sym_name": StringAttr(name),
-                "source": symbol(source),
-                "target": symbol(target),
-                "arity": IntegerAttr(arity, i64),
-            }
-        )
+    def __init__(self, name: str, source: str, target: str, arity: int, variable: bool = False) -> None:
+        properties: dict[str, Attribute] = {
+            "sym_name": StringAttr(name),
+            "source": symbol(source),
+            "target": symbol(target),
+            "arity": IntegerAttr(arity, i64),
+        }
+        if variable:
+            properties["variable"] = UnitAttr()
+        super().__init__(properties=properties)
 
 
 @irdl_op_definition

@@ -143,6 +143,20 @@ def _verify_join(scope: Scope, user: str, owner: str, op: body_ops.JoinOp) -> No
         )
     rows, cols = type_.get_shape()
     arity = connectivity.arity.value.data
+    if (connectivity.variable is not None) != (op.reduction is not None) and not isinstance(
+        type_.element_type, IntegerType
+    ):
+        raise VerifyException(
+            f"{user}: a JOIN through @{name} "
+            + (
+                "needs an operation, its arity varies"
+                if op.reduction is None
+                else "takes no operation, its arity is fixed"
+            )
+        )
+    if op.reduction is not None:
+        _same_type(user, name_of(op.source), type_, op.matrix_type)
+        return
     if op.matrix_type.get_shape() != (arity, rows * cols):
         raise VerifyException(
             f"{user}: a JOIN of arity {arity} of {rows}x{cols} values is {arity}x{rows * cols}, not {op.result.type}"

@@ -10,7 +10,7 @@ import pytest
 from mat_bodies import relative_error
 from small_scenes import SCENES, mixed_union, soft_tets
 
-from yasps import Attribute, Scene
+from yasps import Attribute, Scene, concat_rows
 from yasps.frontend.compiled_scene import CompiledScene
 from yasps.runtime.library import load_runtime
 from yasps.runtime.toolchain import find_compiler
@@ -125,6 +125,31 @@ def test_union_of_a_union_with_a_constant_member(agrees_with_interpreter: Check)
     scene.add_energy(pairs.add_attribute("e", computed_attribute=(1.0 + bend.dot(bend)).sqrt() - x.row(0)[0] ** 3))
     scene.add_energy(second.add_attribute("own", computed_attribute=second["x"].dot(second["x"]) ** 2))
     scene.add_minimize_target([free["x"], cage["x"]])
+    agrees_with_interpreter(scene)
+
+
+@pytest.mark.parametrize("projection", ["none", "clamp", "abs"])
+def test_a_nonlinear_parameterisation(projection: str, agrees_with_interpreter: Check) -> None:
+    """Points in polar coordinates about a moving centre, behind a UNION and a JOIN: the curvature term of eq. 3."""
+    random = np.random.default_rng(11)
+    scene = Scene("s")
+    mesh = scene.add_mesh("m")
+    centre = mesh.add_attribute("centre", 2, 1, value=[0.3, -0.2])
+    polar, free = mesh.add_primitive("polar", 5), mesh.add_primitive("free", 4)
+    r = polar.add_attribute("r", 2, 1, value=random.uniform(0.5, 1.5, (5, 2)))
+    polar.add_attribute("x", computed_attribute=r[0] * concat_rows([r[1].cos(), r[1].sin()]) + centre)
+    free.add_attribute("x", 2, 1, value=random.random((4, 2)))
+    union = mesh.add_primitive_union("u", [polar, free])
+    x = union.add_attribute("x")
+    pairs = mesh.add_primitive("p", 11)
+    first = random.integers(0, 9, 11)
+    second = (first + random.integers(1, 9, 11)) % 9
+    ends = pairs.add_connectivity("ends", union, np.stack([first, second], axis=1), 2)
+    pair = pairs.add_attribute("x", through=ends, source=x)
+    stretch = (pair.row(0) - pair.row(1)).norm() - 0.7
+    scene.add_energy(pairs.add_attribute("spring", computed_attribute=stretch * stretch), projection=projection)
+    scene.add_energy(union.add_attribute("gravity", computed_attribute=9.8 * x[1]), projection=projection)
+    scene.add_minimize_target([free["x"], r, centre])
     agrees_with_interpreter(scene)
 
 

@@ -159,7 +159,7 @@ def _reverse_graph(example: Example) -> tuple[MatBuilder, list[SSAValue], dict[S
     _, probe = example.build()
     block, op = example.build(extra=(*example.shapes, shape_of(probe.result)))
     b = MatBuilder(block)
-    primal = list(block.args[:count])
+    primal: list[SSAValue] = list(block.args[:count])
     parts = pull_back(b, DependenceMap(block, primal), {op.result: block.args[-1]}, primal)
     return b, primal, parts
 

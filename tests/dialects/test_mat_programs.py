@@ -135,7 +135,7 @@ def _with_arguments(block: Block) -> list[SSAValue]:
 def test_first_and_second_derivatives_are_exact(program: tuple[Block, SSAValue]) -> None:
     block, total = program
     x, u, w = _inputs(0), _directions(1), _directions(2)
-    inputs = list(block.args)
+    inputs: list[SSAValue] = list(block.args)
     # f(x + u e1 + w e2): the e1 e2 part is u^T H w
     hyper = [dual_array(dual_array(a, b), dual_array(c, 0 * a)) for a, b, c in zip(x, u, w, strict=True)]
     result = run_block(block, hyper, exact=True)[total]

@@ -12,7 +12,7 @@ from xdsl.utils.exceptions import VerifyException
 from yasps.dialects.mat import OPERATIONS, MatOp, Shape, ShapeError, algebra, matrix_type
 from yasps.dialects.mat.algebra import TransposeOp
 
-PLACE = {"place": integers(1, 1, 3, 3)}
+PLACE: dict[str, Attribute] = {"place": integers(1, 1, 3, 3)}
 
 WRONG: list[tuple[str, tuple[Shape, ...], dict[str, Attribute], str]] = [
     ("add", ((2, 3), (3, 2)), {}, "a sum needs equal shapes, got 2x3 and 3x2"),

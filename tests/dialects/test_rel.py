@@ -213,6 +213,21 @@ BREAKS: dict[str, tuple[str, str, str]] = {
         "arity 3",
         "@m.p.energy: a JOIN of arity 3 of 3x1 values is 3x3, not tensor<2x3xf64>",
     ),
+    "a JOIN through a variable arity reduces": (
+        "arity 2 : i64",
+        "arity 2 : i64 variable",
+        "@m.p.energy: a JOIN through @m.p.ends needs an operation, its arity varies",
+    ),
+    "a JOIN through a fixed arity does not": (
+        "rel.join @m.u.x through @m.p.ends : tensor<2x3xf64>\n      %5",
+        'rel.join @m.u.x through @m.p.ends operation "sum" : tensor<2x3xf64>\n      %5',
+        "@m.p.energy: a JOIN through @m.p.ends takes no operation, its arity is fixed",
+    ),
+    "a JOIN's operation is known": (
+        "rel.join @m.u.x through @m.p.ends : tensor<2x3xf64>\n      %5",
+        'rel.join @m.u.x through @m.p.ends operation "max" : tensor<2x3xf64>\n      %5',
+        "operation must be one of sum, mean, got 'max'",
+    ),
     "a UNION lives on a primitive union": (
         "rel.attribute @m.u.x on @m.u :",
         "rel.attribute @m.u.x on @m.v :",

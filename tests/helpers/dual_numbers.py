@@ -31,10 +31,12 @@ class Dual:
         return Dual(-self.value, -self.tangent)
 
     def __sub__(self, other: Any) -> Dual:
-        return self + (-1) * other
+        v, t = _parts(other)
+        return Dual(self.value - v, self.tangent - t)
 
     def __rsub__(self, other: Any) -> Dual:
-        return -self + other
+        v, t = _parts(other)
+        return Dual(v - self.value, t - self.tangent)
 
     def __mul__(self, other: Any) -> Dual:
         v, t = _parts(other)

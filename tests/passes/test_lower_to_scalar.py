@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from small_scenes import emit
 from xdsl.dialects import arith, func
-from xdsl.dialects.builtin import ModuleOp
+from xdsl.dialects.builtin import FloatAttr, IntegerAttr, ModuleOp
 from xdsl.ir import Operation
 
 from yasps import Scene
@@ -29,7 +29,11 @@ def arithmetic(function: func.FuncOp) -> list[Operation]:
 
 
 def _is_constant(value: Any, number: float) -> bool:
-    return isinstance(value.owner, arith.ConstantOp) and value.owner.value.value.data == number
+    return (
+        isinstance(value.owner, arith.ConstantOp)
+        and isinstance(value.owner.value, FloatAttr | IntegerAttr)
+        and value.owner.value.value.data == number
+    )
 
 
 OPERATIONS = {

@@ -69,7 +69,7 @@ def test_compiling_twice_gives_the_same_text(run: Any, request: pytest.FixtureRe
     name = request.node.callspec.params["run"]
     emitted = emit(SCENES[name]())
     texts: dict[str, str] = {}
-    run_pipeline(emitted.module, None, lambda stage, module: texts.setdefault(stage, str(module)))
+    run_pipeline(emitted.module, None, lambda stage, module: texts.update({stage: str(module)}))
     assert texts == {name: stage.text for name, stage in run.stages.items()}
 
 

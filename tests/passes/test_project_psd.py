@@ -109,7 +109,8 @@ def test_switched_off() -> None:
 
 def _definite(matrix: NDArray[np.float64], mode: str) -> NDArray[np.float64]:
     values, vectors = np.linalg.eigh(matrix)
-    return (vectors * (np.abs(values) if mode == "abs" else np.maximum(values, 0))) @ vectors.T
+    kept = np.abs(values) if mode == "abs" else np.maximum(values, 0)
+    return np.asarray((vectors * kept) @ vectors.T)
 
 
 @pytest.mark.parametrize("mode", ["clamp", "abs"])
