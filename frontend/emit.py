@@ -57,11 +57,13 @@ class SceneEmitter:
         self.owners: dict[str, PrimitiveBase] = {}
         self._symbols: dict[Attribute, str] = {}
         self._unnamed = 0
+        self.varied: set[Attribute] = set()
 
     def emit(
         self, energies: Sequence[EnergyTerm], targets: Sequence[Attribute], outputs: Sequence[Attribute]
     ) -> ModuleOp:
-        """The module `rel.scene`, in dependency order."""
+        """The module `rel.scene`, in dependency order. Constants among the targets are emitted as variables."""
+        self.varied = set(targets)
         final: list[Operation] = [
             EnergyOp(self.defined(term.attribute), term.projection, term.dynamic) for term in energies
         ]
@@ -120,7 +122,8 @@ class SceneEmitter:
         symbol = f"{attribute.owner.path}.{name}" if attribute.owner.path else name
         self._symbols[attribute] = symbol
         if isinstance(attribute.node, Stored):
-            self.storages[symbol] = StorageOp(symbol, owner, type_, attribute.node.constant)
+            constant = attribute.node.constant and attribute not in self.varied
+            self.storages[symbol] = StorageOp(symbol, owner, type_, constant)
             self.stored[symbol] = attribute
             op: Operation = self.storages[symbol]
         else:

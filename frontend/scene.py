@@ -5,11 +5,12 @@ from __future__ import annotations
 import os
 import weakref
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
+from scipy import sparse
 
 from yasps.dialects.mat import spell
 from yasps.dialects.rel import PROJECTIONS
@@ -18,6 +19,7 @@ from yasps.frontend.compiled_scene import CompiledScene, CompileReport
 from yasps.frontend.emit import EnergyTerm
 from yasps.frontend.entity import Entity
 from yasps.frontend.errors import DataError, NameTakenError, NotConvergedError, SceneError, ShapeMismatchError
+from yasps.frontend.hessian import Hessian
 from yasps.frontend.mesh import Mesh
 from yasps.frontend.spelling import both_spellings
 from yasps.runtime.library import Runtime, load_runtime
@@ -66,6 +68,7 @@ class Scene(Entity):
         self._targets: list[Attribute] = []
         self._runtime: Runtime | None = None
         self._compiled: CompiledScene | None = None
+        self._variants: dict[tuple[Attribute, ...], CompiledScene] = {}
         self._alive: weakref.WeakSet[CompiledScene] = weakref.WeakSet()
         """All that was compiled and is still in use, by whomever: it must hear of arrays that moved."""
         self._evaluations = 0
@@ -228,6 +231,57 @@ class Scene(Entity):
         compiled = self.compile()
         return compiled.split(compiled.assemble(hessian=False))
 
+    def hessian(self, projected: bool = True) -> Hessian:
+        """Hessian of all energies with respect to all targets, as a copy of one's own.
+
+        projected: each energy's local Hessians made positive semi-definite as it was registered; False: exact.
+        """
+        compiled = self.compile()
+        if projected or all(term.projection == "none" for term in self._energies):
+            compiled.assemble()
+        else:
+            compiled = self._variant(self._targets)
+            compiled.assemble()
+        return Hessian([compiled.static_matrix, compiled.dynamic_matrix])
+
+    def mixed_hessian(
+        self, targets: Attribute | Sequence[Attribute], parameters: Attribute | Sequence[Attribute]
+    ) -> sparse.csr_array[np.float64]:
+        """Second derivatives d^2 E / (d targets d parameters), exact: one row for each scalar of the targets, one column
+        for each of the parameters, in the order given.
+
+        targets and parameters: stored attributes, of add_attribute or add_constant. This is the ground of inverse problems:
+        at a minimum x(p) of E, H dx/dp = -mixed_hessian(x, p).
+
+        Raises SceneError for computed, foreign or repeated attributes, or without energies.
+        """
+        rows = [targets] if isinstance(targets, Attribute) else list(targets)
+        columns = [parameters] if isinstance(parameters, Attribute) else list(parameters)
+        everything = [*rows, *columns]
+        for k, attribute in enumerate(everything):
+            self._check_own(attribute, "a target or parameter")
+            if not isinstance(attribute.node, Stored):
+                raise SceneError(f"{attribute.path} is computed; derivatives are taken with respect to stored attributes")
+            if any(attribute is other for other in everything[:k]):
+                raise SceneError(f"{attribute.path} is named twice")
+        if not rows or not columns:
+            raise SceneError("mixed_hessian needs at least one target and one parameter")
+        if not self._energies:
+            raise SceneError(f"{self.label} has no energy yet: add_energy(attribute) first")
+        compiled = self._variant(everything)
+        compiled.assemble()
+        count = sum(attribute.node.array.size for attribute in rows if isinstance(attribute.node, Stored))
+        whole = Hessian([compiled.static_matrix, compiled.dynamic_matrix]).to_scipy()
+        return sparse.csr_array(whole[:count, count:])
+
+    def _variant(self, targets: Sequence[Attribute]) -> CompiledScene:
+        """The scene compiled for these targets, without projection."""
+        key = tuple(targets)
+        if key not in self._variants or self._variants[key].is_outgrown:
+            exact = [replace(term, projection="none") for term in self._energies]
+            self._variants[key] = self._compile_for(exact, targets, [], None)
+        return self._variants[key]
+
     def total_energy(self) -> float:
         """Sum of all energies over all their instances; infinite or NaN where one is."""
         return self.compile(need_targets=False).total_energy()
@@ -300,6 +354,7 @@ class Scene(Entity):
     def structure_changed(self) -> None:
         """The next result needs a new compile of the energies."""
         self._compiled = None
+        self._variants.clear()
 
     def arrays_moved(self) -> None:
         """Some array was replaced by another."""

@@ -32,10 +32,13 @@ class CompileError(DiagnosticException):
         self.place = place
 
     def __str__(self) -> str:
-        about = None if self.symbol is None else f"@{self.symbol}"
-        if about is not None and self.place is not None:
-            about += f", made at {self.place}"
-        return ": ".join(part for part in (self.during, about, self.reason) if part is not None)
+        reason = self.reason
+        if self.symbol is not None:
+            name = f"@{self.symbol}"
+            described = name if self.place is None else f"{name} (made at {self.place})"
+            said = reason == name or reason.startswith((f"{name} ", f"{name}:"))
+            reason = reason.replace(name, described, 1) if said else f"{described}: {reason}"
+        return reason if self.during is None else f"{self.during}: {reason}"
 
 
 def place_of(op: Operation) -> str | None:

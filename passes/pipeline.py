@@ -16,7 +16,7 @@ from xdsl.transforms.common_subexpression_elimination import CommonSubexpression
 from xdsl.utils.exceptions import DiagnosticException
 
 from yasps.dialects.mat import Mat
-from yasps.dialects.rel import Rel
+from yasps.dialects.rel import EnergyOp, Rel, name_of
 from yasps.dialects.rel.declarations import Declaration
 from yasps.passes.bodies import containers
 from yasps.passes.differentiate import Differentiate
@@ -114,7 +114,7 @@ def verify(module: ModuleOp, made_by: ModulePass | None) -> None:
     try:
         module.verify()
     except DiagnosticException as error:
-        during = None if made_by is None else f"what pass {made_by.name} made is wrong, a bug of that pass"
+        during = None if made_by is None else f"pass {made_by.name} broke a rule, which is a bug of yasps"
         raise _explained(error, module, during) from error
 
 
@@ -131,22 +131,25 @@ def _explained(error: Exception, module: ModuleOp, during: str | None) -> Compil
     return CompileError(reason, during=during, symbol=op.symbol, place=place_of(op))
 
 
-def _declarations(module: ModuleOp) -> list[Declaration]:
-    return [op for container in containers(module) for op in container.body.block.ops if isinstance(op, Declaration)]
+def _declarations(module: ModuleOp) -> dict[str, Declaration]:
+    """By symbol; of several the first, which stands in the scene."""
+    ops = [op for container in containers(module) for op in container.body.block.ops]
+    return {op.symbol: op for op in reversed(ops) if isinstance(op, Declaration)}
 
 
 def _declaration_that_breaks_a_rule(module: ModuleOp) -> Declaration | None:
     """The first declaration that does not verify by itself: xDSL's error says what is wrong, but not with whom."""
-    for op in _declarations(module):
+    for op in (op for container in containers(module) for op in container.body.block.ops):
         try:
             op.verify()
         except DiagnosticException:
-            return op
+            if isinstance(op, EnergyOp):
+                return _declarations(module).get(name_of(op.attribute))
+            return op if isinstance(op, Declaration) else None
     return None
 
 
 def _declaration_named_in(reason: str, module: ModuleOp) -> Declaration | None:
     """The declaration a message is about: laws, which look at several, name the offender first."""
-    declared = {op.symbol: op for op in reversed(_declarations(module))}
     names = re.findall(r"@([\w.$]*[\w$])", reason)
-    return declared.get(names[0]) if names else None
+    return _declarations(module).get(names[0]) if names else None

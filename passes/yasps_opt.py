@@ -2,16 +2,21 @@
 
 from __future__ import annotations
 
+from argparse import ArgumentParser
 from collections.abc import Callable, Sequence
 
+from xdsl.dialects.builtin import ModuleOp
 from xdsl.ir import Dialect
-from xdsl.passes import ModulePass
+from xdsl.passes import ModulePass, PassPipeline
 from xdsl.universe import Universe
 from xdsl.xdsl_opt_main import xDSLOptMain
 
 from yasps.dialects.mat import Mat
 from yasps.dialects.rel import Rel
-from yasps.passes.pipeline import PIPELINE
+from yasps.passes.ir_text import text_of
+from yasps.passes.pipeline import PIPELINE, run_passes, verify
+
+DESCRIPTION = "Runs passes on the textual IR of yasps."
 
 
 def _dialects() -> dict[str, Callable[[], Dialect]]:
@@ -28,12 +33,51 @@ UNIVERSE = Universe(all_dialects=_dialects(), all_passes=_passes())
 
 
 class YaspsOptMain(xDSLOptMain):
-    """`xdsl-opt` under our name; our dialects and passes reach both through `UNIVERSE`."""
+    """`xdsl-opt` under our name; our dialects and passes reach both through `UNIVERSE`.
+
+    What passes and verifiers raise is a CompileError, and `--locations` prints the place of each attribute.
+    """
+
+    def register_all_arguments(self, arg_parser: ArgumentParser) -> None:
+        """Those of `xdsl-opt`, and `--locations`."""
+        super().register_all_arguments(arg_parser)  # type: ignore[no-untyped-call]
+        arg_parser.add_argument(
+            "--locations",
+            default=False,
+            action="store_true",
+            help="Print behind each attribute the line of Python that made it, where the input says so.",
+        )
+
+    def setup_pipeline(self) -> None:
+        """As upstream, with our verifier between the passes: its errors name the attribute."""
+        super().setup_pipeline()  # type: ignore[no-untyped-call]
+        theirs = self.pipeline.callback
+
+        def callback(previous: ModulePass | None, module: ModuleOp, following: ModulePass | None) -> None:
+            if not self.args.disable_verify:
+                verify(module, previous)
+            if theirs is not None:
+                theirs(previous, module, following)
+
+        self.pipeline = PassPipeline(self.pipeline.passes, callback)
+
+    def apply_passes(self, prog: ModuleOp) -> None:
+        """Applies the passes in order; raises CompileError."""
+        run_passes(self.pipeline, self.ctx, prog)
+
+    def output_resulting_program(self, prog: ModuleOp) -> str:
+        """The module as text."""
+        if self.args.locations and self.args.target == "mlir":
+            return text_of(prog, locations=True)
+        return str(super().output_resulting_program(prog))  # type: ignore[no-untyped-call]
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
-    """Entry point of the command `yasps-opt`."""
-    YaspsOptMain(description="yasps IR: runs passes on textual IR", args=arguments).run()  # type: ignore[no-untyped-call]
+    """Runs passes on textual IR; the command `yasps-opt` (frontend/yasps_opt.py) is this and more.
+
+    Raises CompileError, and xDSL's ParseError for text that is no IR.
+    """
+    YaspsOptMain(description=DESCRIPTION, args=arguments).run()  # type: ignore[no-untyped-call]
 
 
-__all__ = ["UNIVERSE", "YaspsOptMain", "main"]
+__all__ = ["DESCRIPTION", "UNIVERSE", "YaspsOptMain", "main"]

@@ -38,10 +38,12 @@ _MESSAGE_LINES = 12
 _VECTOR_MATH_PROBE = """\
 typedef double pack __attribute__((vector_size(32)));
 extern "C" pack _ZGVdN4v_log(pack);
+extern "C" pack _ZGVdN4vv_atan2(pack, pack);  // with the youngest functions, of glibc 2.35
 int main(int count, char**) {
     pack x = {1.0 * count, 1.0, 1.0, 1.0};
     pack y = _ZGVdN4v_log(x);
-    return y[0] == 0.0 && y[3] == 0.0 ? 0 : 1;
+    pack z = _ZGVdN4vv_atan2(y, x);
+    return y[0] == 0.0 && y[3] == 0.0 && z[0] == 0.0 ? 0 : 1;
 }
 """
 

@@ -4,8 +4,8 @@ A truth value is an f64 matrix of zeros and ones, so that there is one type of v
 part is less or greater than 0: NaN is false, and so is every comparison with NaN. Lowering makes `arith.cmpf` and
 `arith.select` of a comparison and its choice; the zeros and ones are not computed then.
 
-Conditions are constant for differentiation. Between their kinks the operations here are linear in what they choose from,
-and at a kink they have the derivative of what they return (docs/language.md, "At kinks").
+Conditions are constant for differentiation. Between their kinks the operations here are linear in what they choose
+from, and at a kink they have the derivative of what they return (docs/language.md, "At kinks").
 """
 
 from __future__ import annotations
@@ -49,12 +49,12 @@ def is_true(a: Batch) -> NDArray[np.bool_]:
 
 def minimum(a: Batch, b: Batch) -> Batch:
     """The smaller, entry by entry; the first where they are equal, NaN where one is."""
-    return np.where(is_less(b, a) | np.asarray(b != b, bool), b, a)
+    return np.where(is_less(b, a) | ~is_less_equal(b, b), b, a)
 
 
 def maximum(a: Batch, b: Batch) -> Batch:
     """The greater, entry by entry; the first where they are equal, NaN where one is."""
-    return np.where(is_less(a, b) | np.asarray(b != b, bool), b, a)
+    return np.where(is_less(a, b) | ~is_less_equal(b, b), b, a)
 
 
 def absolute(a: Batch) -> Batch:
@@ -91,7 +91,7 @@ class CompareOp(MatOp):
 
 @irdl_op_definition
 class SelectOp(MatOp):
-    """select(condition, a, b): a where the condition is true, b elsewhere; the condition is 1x1 or one for each entry."""
+    """select(condition, a, b): a where the condition is true, else b. The condition is 1x1 or one for each entry."""
 
     name = "mat.select"
     ARITY: ClassVar = 3

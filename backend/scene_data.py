@@ -1,0 +1,162 @@
+"""The numbers of a scene as a file (`.npz` or `.json`), or random ones, for the reference interpreter.
+
+In an `.npz` file, arrays are named `storages/m.v.x`, `connectivities/m.e.ends` and `sizes/m.v`; in a `.json` file, the
+three words are dictionaries of nested lists by the same names.
+"""
+
+from __future__ import annotations
+
+import json
+import zipfile
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from xdsl.dialects.builtin import ModuleOp
+
+from yasps.backend.interpreter import SceneData
+from yasps.dialects.rel import ConnectivityOp, Container, PrimitiveOp, PrimitiveUnionOp, StorageOp, name_of
+from yasps.dialects.rel.declarations import storage_shape
+
+GROUPS = ("storages", "connectivities", "sizes")
+
+
+class SceneDataError(ValueError):
+    """Numbers that are missing, or don't fit what a module declares."""
+
+
+def save_scene_data(path: Path, data: SceneData) -> None:
+    """Writes the numbers as `.npz` or `.json`, as the name ends. Raises SceneDataError for another ending."""
+    groups = {"storages": data.storages, "connectivities": data.connectivities, "sizes": data.sizes}
+    if path.suffix == ".npz":
+        arrays = {f"{word}/{name}": np.asarray(v) for word, group in groups.items() for name, v in group.items()}
+        np.savez_compressed(path, allow_pickle=False, **arrays)
+    elif path.suffix == ".json":
+        lists = {
+            word: {name: np.asarray(v).tolist() for name, v in group.items()} for word, group in groups.items()
+        }
+        path.write_text(json.dumps(lists, indent=1) + "\n", encoding="utf-8")
+    else:
+        raise _unknown_ending(path)
+
+
+def load_scene_data(path: Path) -> SceneData:
+    """Reads what `save_scene_data` writes, or what somebody wrote by hand.
+
+    Raises SceneDataError for a file that is no such thing, FileNotFoundError.
+    """
+    groups: dict[str, dict[str, Any]] = {word: {} for word in GROUPS}
+    if path.suffix == ".npz":
+        try:
+            with np.load(path, allow_pickle=False) as file:
+                entries = {key: file[key] for key in file.files}
+        except (zipfile.BadZipFile, ValueError) as error:
+            raise SceneDataError(f"{path} is not an .npz file of plain arrays: {error}") from error
+        for key, value in entries.items():
+            word, _, name = key.partition("/")
+            if word not in groups or not name:
+                raise SceneDataError(f"{path}: {key!r} should begin with one of {', '.join(f'{w}/' for w in GROUPS)}")
+            groups[word][name] = value
+    elif path.suffix == ".json":
+        try:
+            read = json.loads(path.read_text(encoding="utf-8"))
+        except ValueError as error:
+            raise SceneDataError(f"{path} is not JSON: {error}") from error
+        if not isinstance(read, dict) or not all(k in groups and isinstance(v, dict) for k, v in read.items()):
+            raise SceneDataError(f"{path} should hold dictionaries {', '.join(GROUPS)} and nothing else")
+        groups.update(read)
+    else:
+        raise _unknown_ending(path)
+    return SceneData(
+        {name: _array(path, f"storages/{name}", v, np.float64) for name, v in groups["storages"].items()},
+        {name: _array(path, f"connectivities/{name}", v, np.int32) for name, v in groups["connectivities"].items()},
+        {name: int(_array(path, f"sizes/{name}", v, np.int64).reshape(-1)[0]) for name, v in groups["sizes"].items()},
+    )
+
+
+def _unknown_ending(path: Path) -> SceneDataError:
+    return SceneDataError(f"{path}: numbers of a scene are an .npz or a .json file")
+
+
+def _array(path: Path, name: str, value: Any, dtype: Any) -> NDArray[Any]:
+    try:
+        array = np.asarray(value)
+        if array.size == 0 or np.can_cast(array.dtype, dtype, "same_kind"):
+            return array.astype(dtype)
+    except ValueError:  # rows of different lengths
+        pass
+    raise SceneDataError(f"{path}: {name} is no array of {np.dtype(dtype).name}")
+
+
+def random_scene_data(module: ModuleOp, instances: int, seed: int = 0) -> SceneData:
+    """Numbers in [0.5, 1.5) on `instances` instances of each primitive, connected at random.
+
+    They depend on seed and names alone, so that they are the same after every pass. No row of a connectivity names an
+    instance twice where that can be avoided; of a variable arity, rows have different lengths.
+    """
+    declared = _Declared(module)
+    sizes = dict.fromkeys(declared.primitives, instances)
+    for name, members in declared.unions.items():
+        sizes[name] = sum(sizes[member] for member in members)
+    storages = {}
+    for name, storage in declared.storages.items():
+        shape = (sizes.get(name_of(storage.owner), 1), *storage_shape(storage))
+        storages[name] = 0.5 + _generator(seed, name).random(shape)
+    connectivities = {}
+    for name, connectivity in declared.connectivities.items():
+        rows, arity = sizes[name_of(connectivity.source)], connectivity.arity.value.data
+        there, random = sizes[name_of(connectivity.target)], _generator(seed, name)
+        chosen = [random.choice(there, arity, replace=arity > there) for _ in range(rows)]
+        indices = np.array(chosen, np.int32).reshape(rows, arity)
+        if connectivity.variable is not None:
+            indices[np.arange(arity) >= random.integers(1, arity + 1, rows)[:, None]] = -1
+        connectivities[name] = indices
+    return SceneData(storages, connectivities, sizes)
+
+
+def _generator(seed: int, name: str) -> np.random.Generator:
+    return np.random.default_rng([seed, *name.encode()])
+
+
+def check_scene_data(module: ModuleOp, data: SceneData) -> None:
+    """Raises SceneDataError where the numbers don't fit the module: a missing array, a wrong shape, an index too far."""
+    declared = _Declared(module)
+    for name in (*declared.primitives, *declared.unions):
+        _present(name, data.sizes, "size")
+    for name, members in declared.unions.items():
+        if data.sizes[name] != sum(data.sizes[member] for member in members):
+            raise SceneDataError(f"@{name} has {data.sizes[name]} instances, but its members have another number")
+    for name, storage in declared.storages.items():
+        _present(name, data.storages, "storage")
+        shape = (data.sizes.get(name_of(storage.owner), 1), *storage_shape(storage))
+        if data.storages[name].shape != shape:
+            raise SceneDataError(f"@{name} must be an array {shape}, but it is {data.storages[name].shape}")
+    for name, connectivity in declared.connectivities.items():
+        _present(name, data.connectivities, "connectivity")
+        indices = data.connectivities[name]
+        shape = (data.sizes[name_of(connectivity.source)], connectivity.arity.value.data)
+        if indices.shape != shape:
+            raise SceneDataError(f"@{name} must be an array {shape}, but it is {indices.shape}")
+        least, count = (0 if connectivity.variable is None else -1), data.sizes[name_of(connectivity.target)]
+        if indices.size and not least <= indices.min() <= indices.max() < count:
+            raise SceneDataError(f"@{name} leads to instances {least} to {count - 1}, but it names others")
+
+
+def _present(name: str, group: Mapping[str, object], what: str) -> None:
+    if name not in group:
+        raise SceneDataError(f"the numbers have no {what} @{name}")
+
+
+class _Declared:
+    """What of a module needs numbers, by symbol."""
+
+    def __init__(self, module: ModuleOp) -> None:
+        ops = [op for scene in module.body.block.ops if isinstance(scene, Container) for op in scene.body.block.ops]
+        self.primitives = [op.symbol for op in ops if isinstance(op, PrimitiveOp)]
+        self.unions = {
+            op.symbol: [name_of(member) for member in op.members] for op in ops if isinstance(op, PrimitiveUnionOp)
+        }
+        self.storages = {op.symbol: op for op in ops if isinstance(op, StorageOp)}
+        self.connectivities = {op.symbol: op for op in ops if isinstance(op, ConnectivityOp)}

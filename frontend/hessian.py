@@ -1,0 +1,59 @@
+"""Second derivatives of a scene's energy as a matrix of one's own."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import sparse
+
+from yasps.frontend.attribute import FloatArray
+from yasps.runtime.block_matrix import BlockMatrix
+
+
+@dataclass(frozen=True)
+class HessianBlock:
+    """All stored blocks of one shape: rows, cols [n] are the scalar offsets of their first entries; values [n, r, c]."""
+
+    rows: NDArray[np.int32]
+    cols: NDArray[np.int32]
+    values: FloatArray
+
+
+class Hessian:
+    """A symmetric block-sparse matrix, rows and columns in the order of the minimisation targets.
+
+    A copy: later solves don't change it. `blocks` holds the upper triangle (diagonal blocks in full); of one place there
+    may be several blocks (a static and a dynamic part), which add up.
+    """
+
+    def __init__(self, parts: Sequence[BlockMatrix]) -> None:
+        size = parts[0].size
+        self.shape = (size, size)
+        self.blocks = [
+            HessianBlock(group.rows.copy(), group.cols.copy(), group.values.copy())
+            for part in parts
+            for group in part.groups
+        ]
+
+    def __repr__(self) -> str:
+        stored = sum(len(block.rows) for block in self.blocks)
+        return f"<Hessian {self.shape[0]} x {self.shape[1]}: {stored} blocks>"
+
+    def to_scipy(self) -> sparse.csr_array[np.float64]:
+        """The whole matrix, both triangles, as scipy.sparse."""
+        rows, cols, values = [], [], []
+        for block in self.blocks:
+            _, r, c = block.values.shape
+            i = np.broadcast_to(block.rows[:, None, None] + np.arange(r)[:, None], block.values.shape)
+            j = np.broadcast_to(block.cols[:, None, None] + np.arange(c), block.values.shape)
+            above = block.rows != block.cols
+            rows += [i.ravel(), j[above].ravel()]
+            cols += [j.ravel(), i[above].ravel()]
+            values += [block.values.ravel(), block.values[above].ravel()]
+        if not values:
+            return sparse.csr_array(self.shape)
+        entries = (np.concatenate(values), (np.concatenate(rows), np.concatenate(cols)))
+        return sparse.csr_array(sparse.coo_array(entries, shape=self.shape))

@@ -1,0 +1,27 @@
+"""Property tests: the hypothesis profiles "ci" and "nightly", and the fast compiler of generated scenes."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+import pytest
+
+sys.path.insert(0, str(Path(__file__).parent))  # the helper modules of this folder, as in tests/conftest.py
+
+from profiles import IS_NIGHTLY, register
+
+from yasps.runtime.library import Runtime, load_runtime
+from yasps.runtime.toolchain import DEFAULT_FLAGS, find_compiler
+
+register()
+
+
+@pytest.fixture(scope="session")
+def runtime() -> Runtime:
+    """The solver runtime of all generated scenes.
+
+    ci: without optimisation, because compiling is nearly all the time they take. nightly: with the user's flags.
+    """
+    flags = DEFAULT_FLAGS if IS_NIGHTLY else ("-O0", *DEFAULT_FLAGS[1:])
+    return load_runtime(find_compiler(flags), 2)
