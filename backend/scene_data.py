@@ -10,7 +10,7 @@ import json
 import zipfile
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -32,11 +32,9 @@ def save_scene_data(path: Path, data: SceneData) -> None:
     groups = {"storages": data.storages, "connectivities": data.connectivities, "sizes": data.sizes}
     if path.suffix == ".npz":
         arrays = {f"{word}/{name}": np.asarray(v) for word, group in groups.items() for name, v in group.items()}
-        np.savez_compressed(path, allow_pickle=False, **arrays)
+        np.savez_compressed(path, **cast("dict[str, Any]", arrays))
     elif path.suffix == ".json":
-        lists = {
-            word: {name: np.asarray(v).tolist() for name, v in group.items()} for word, group in groups.items()
-        }
+        lists = {word: {name: np.asarray(v).tolist() for name, v in group.items()} for word, group in groups.items()}
         path.write_text(json.dumps(lists, indent=1) + "\n", encoding="utf-8")
     else:
         raise _unknown_ending(path)
@@ -98,8 +96,7 @@ def random_scene_data(module: ModuleOp, instances: int, seed: int = 0) -> SceneD
     """
     declared = _Declared(module)
     sizes = dict.fromkeys(declared.primitives, instances)
-    for name, members in declared.unions.items():
-        sizes[name] = sum(sizes[member] for member in members)
+    sizes |= {name: instances * declared.members_below(name) for name in declared.unions}
     storages = {}
     for name, storage in declared.storages.items():
         shape = (sizes.get(name_of(storage.owner), 1), *storage_shape(storage))
@@ -121,7 +118,7 @@ def _generator(seed: int, name: str) -> np.random.Generator:
 
 
 def check_scene_data(module: ModuleOp, data: SceneData) -> None:
-    """Raises SceneDataError where the numbers don't fit the module: a missing array, a wrong shape, an index too far."""
+    """Raises SceneDataError where numbers don't fit the module: a missing array, a wrong shape, an index too far."""
     declared = _Declared(module)
     for name in (*declared.primitives, *declared.unions):
         _present(name, data.sizes, "size")
@@ -136,9 +133,9 @@ def check_scene_data(module: ModuleOp, data: SceneData) -> None:
     for name, connectivity in declared.connectivities.items():
         _present(name, data.connectivities, "connectivity")
         indices = data.connectivities[name]
-        shape = (data.sizes[name_of(connectivity.source)], connectivity.arity.value.data)
-        if indices.shape != shape:
-            raise SceneDataError(f"@{name} must be an array {shape}, but it is {indices.shape}")
+        expected = (data.sizes[name_of(connectivity.source)], connectivity.arity.value.data)
+        if indices.shape != expected:
+            raise SceneDataError(f"@{name} must be an array {expected}, but it is {indices.shape}")
         least, count = (0 if connectivity.variable is None else -1), data.sizes[name_of(connectivity.target)]
         if indices.size and not least <= indices.min() <= indices.max() < count:
             raise SceneDataError(f"@{name} leads to instances {least} to {count - 1}, but it names others")
@@ -160,3 +157,7 @@ class _Declared:
         }
         self.storages = {op.symbol: op for op in ops if isinstance(op, StorageOp)}
         self.connectivities = {op.symbol: op for op in ops if isinstance(op, ConnectivityOp)}
+
+    def members_below(self, name: str) -> int:
+        """Primitives that a union unites, those of the unions among its members counted in."""
+        return sum(self.members_below(member) for member in self.unions[name]) if name in self.unions else 1

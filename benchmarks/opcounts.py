@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from collections import Counter
 from collections.abc import Sequence
 from importlib import import_module
@@ -12,8 +11,7 @@ import numpy as np
 from xdsl.dialects import arith, func, math
 from xdsl.dialects.builtin import ModuleOp
 
-from benchmarks.energies import ENERGIES, Energy, Numbers
-from benchmarks.measure import Report, Row, Settings
+from benchmarks.energies import Energy, Numbers
 from yasps.backend.interpreter import Interpreter, SceneData
 from yasps.frontend.attribute import Stored
 from yasps.frontend.emit import SceneEmitter

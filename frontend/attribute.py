@@ -295,12 +295,13 @@ class Attribute:
     def __rtruediv__(self, other: Any) -> Attribute:
         return combine(elementwise.DivideOp, [as_attribute(other), self])
 
-    def __pow__(self, exponent: float) -> Attribute:
+    def __pow__(self, exponent: float | Attribute) -> Attribute:
+        if isinstance(exponent, Attribute):  # of positive numbers only; 1x1, or one exponent for each entry
+            logarithm = self.log()
+            return (exponent * logarithm if exponent.shape == (1, 1) else exponent.hadamard(logarithm)).exp()
         number = isinstance(exponent, int | float | np.integer | np.floating) and not isinstance(exponent, bool)
         if not number or not np.isfinite(exponent):
-            raise DataError(
-                f"the exponent of ** is a finite number, got {exponent!r}; use (b * a.log()).exp() for a ** b"
-            )
+            raise DataError(f"the exponent of ** is a finite number or an attribute, got {exponent!r}")
         return combine(elementwise.PowOp, [self], {"exponent": FloatAttr(float(exponent), f64)})
 
     # `==` and `!=` stay Python's: attributes are told apart by identity, as keys of dictionaries.

@@ -15,7 +15,7 @@ from yasps.backend.cpp_object import Binding
 from yasps.backend.interpreter import SceneData
 from yasps.backend.program import CompiledModule, Program
 from yasps.dialects.rel import name_of
-from yasps.frontend.attribute import Attribute, FloatArray, Joined, Stored, operands_of
+from yasps.frontend.attribute import Attribute, FloatArray, Joined, Location, Stored, operands_of
 from yasps.frontend.connectivity import Connectivity
 from yasps.frontend.emit import EnergyTerm, SceneEmitter
 from yasps.frontend.entity import Entity
@@ -61,6 +61,7 @@ class _Term:
     """An energy in the program."""
 
     symbol: str
+    where: Location
     owner: Primitive | PrimitiveUnion | None
     derivative: str | None
     kappa: str | None
@@ -107,6 +108,7 @@ class CompiledScene:
         *,
         runtime: Runtime,
         dump_to: Path | None,
+        dump_locations: bool = False,
     ) -> None:
         self.runtime = runtime
         self.targets = list(targets)
@@ -114,7 +116,7 @@ class CompiledScene:
         start = time.perf_counter()
         self.module: ModuleOp = self.emitter.emit(energies, targets, outputs)
         try:
-            run_pipeline(self.module, dump_to)
+            run_pipeline(self.module, dump_to, locations=dump_locations)
         except CompileError as error:
             raise UnsupportedSceneError(str(error)) from error
         symbolic = time.perf_counter() - start
@@ -147,6 +149,7 @@ class CompiledScene:
             terms.append(
                 _Term(
                     symbol,
+                    energy.attribute.where,
                     owner if isinstance(owner, Primitive | PrimitiveUnion) else None,
                     derivative.symbol if derivative is not None else None,
                     kappa,
@@ -310,7 +313,7 @@ class CompiledScene:
             if status.first_bad is not None:
                 raise NotFiniteError(
                     f"the derivatives of energy {term.symbol} are not finite on instance {status.first_bad}; look at "
-                    "its inputs there (inverted element, distance 0, overflow?)"
+                    f"its inputs there (inverted element, distance 0, overflow?). It was made at {term.where}"
                 )
         return gradient
 

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy import sparse
 
+from yasps.backend.scene_data import save_scene_data
 from yasps.dialects.mat import spell
 from yasps.dialects.rel import PROJECTIONS
 from yasps.frontend.attribute import Attribute, FloatArray, Stored
@@ -261,7 +262,9 @@ class Scene(Entity):
         for k, attribute in enumerate(everything):
             self._check_own(attribute, "a target or parameter")
             if not isinstance(attribute.node, Stored):
-                raise SceneError(f"{attribute.path} is computed; derivatives are taken with respect to stored attributes")
+                raise SceneError(
+                    f"{attribute.path} is computed; derivatives are taken with respect to stored attributes"
+                )
             if any(attribute is other for other in everything[:k]):
                 raise SceneError(f"{attribute.path} is named twice")
         if not rows or not columns:
@@ -309,8 +312,17 @@ class Scene(Entity):
         targets: Sequence[Attribute],
         outputs: Sequence[Attribute],
         dump_to: Path | None,
+        dump_locations: bool = False,
     ) -> CompiledScene:
-        compiled = CompiledScene(self.name, energies, targets, outputs, runtime=self.runtime, dump_to=dump_to)
+        compiled = CompiledScene(
+            self.name,
+            energies,
+            targets,
+            outputs,
+            runtime=self.runtime,
+            dump_to=dump_to,
+            dump_locations=dump_locations,
+        )
         self._alive.add(compiled)
         return compiled
 
@@ -340,10 +352,17 @@ class Scene(Entity):
             attribute.evaluator = self._compile_for([], [], [attribute], folder)
         return attribute.evaluator.evaluate(attribute)
 
-    def dump_ir(self, folder: str | Path) -> None:
-        """Compiles the scene once more and writes the IR after every pass and the generated sources into the folder."""
+    def dump_ir(self, folder: str | Path, *, locations: bool = False) -> None:
+        """Compiles the scene once more and writes into the folder the IR after every pass, the generated sources, and
+        the scene's numbers as `data.npz`, on which `yasps-opt --interpret` runs any of the dumps.
+
+        locations: print behind each attribute the line of Python that made it.
+
+        Raises what `compile` does, and DataError or ConnectivityError for numbers that don't fit.
+        """
         self.compile()
-        self._compile_for(self._energies, self._targets, [], Path(folder))
+        compiled = self._compile_for(self._energies, self._targets, [], Path(folder), locations)
+        save_scene_data(Path(folder) / "data.npz", compiled.data())
 
     def _dump_folder(self, part: str = "") -> Path | None:
         setting = os.environ.get("YASPS_DUMP_IR")

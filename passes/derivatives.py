@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from xdsl.ir import SSAValue
 
 from yasps.dialects.mat import MatBuilder, MatOp, shape_of
-from yasps.passes.linear_cut import DependenceMap, size_of
+from yasps.passes.dependence import DependenceMap, size_of
 
 
 def pull_back(
@@ -112,7 +112,7 @@ class _Guards:
 class PushForward:
     """Forward mode along one direction: tangents of values for the tangents of a few, made on demand."""
 
-    def __init__(self, b: MatBuilder, seeds: Mapping[SSAValue, SSAValue]) -> None:
+    def __init__(self, b: MatBuilder, seeds: Mapping[SSAValue, SSAValue | None]) -> None:
         self.b = b
         self._tangents: dict[SSAValue, SSAValue | None] = dict(seeds)
 
@@ -137,19 +137,29 @@ class PushForward:
         return self._tangents[value]
 
 
+def directional(b: MatBuilder, outputs: Sequence[SSAValue], seeds: Mapping[SSAValue, SSAValue | None]) -> SSAValue:
+    """Tangents of the outputs along one direction, all entries as one column; a seed of None holds a value constant."""
+    push = PushForward(b, seeds)
+    parts = []
+    for output in outputs:
+        tangent = push[output]
+        parts.append(b.zeros((size_of(output), 1)) if tangent is None else b.flat(tangent))
+    return b.concat_rows(parts)
+
+
 def jacobian(b: MatBuilder, outputs: Sequence[SSAValue], inputs: Sequence[SSAValue]) -> SSAValue:
-    """Jacobian of the outputs' entries (rows) with respect to the inputs' entries (columns), column by column."""
-    columns = []
-    for value in inputs:
-        shape = shape_of(value)
-        for position in range(size_of(value)):
-            push = PushForward(b, {value: b.unit(shape, position)})
-            parts = []
-            for output in outputs:
-                tangent = push[output]
-                parts.append(b.zeros((size_of(output), 1)) if tangent is None else b.flat(tangent))
-            columns.append(b.concat_rows(parts))
-    return b.concat_cols(columns)
+    """Jacobian of the outputs' entries (rows) with respect to the inputs' entries (columns), column by column.
+
+    Inputs count as independent of each other, also where one is computed from another (the values of a cut may be).
+    """
+    held: dict[SSAValue, SSAValue | None] = dict.fromkeys(inputs)
+    return b.concat_cols(
+        [
+            directional(b, outputs, {**held, value: b.unit(shape_of(value), position)})
+            for value in inputs
+            for position in range(size_of(value))
+        ]
+    )
 
 
 def stacked(b: MatBuilder, values: Sequence[SSAValue], parts: Mapping[SSAValue, SSAValue]) -> SSAValue:

@@ -13,6 +13,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+import numpy as np
 from xdsl.context import Context
 from xdsl.dialects.builtin import ModuleOp, UnitAttr
 from xdsl.ir import Block, Operation, SSAValue
@@ -39,8 +40,10 @@ from yasps.dialects.rel import (
     symbol,
 )
 from yasps.passes.bodies import BodyBuilder, containers, inline_body, is_union, source_of
-from yasps.passes.derivatives import jacobian, pull_back, stacked
-from yasps.passes.linear_cut import Dependence, DependenceMap, linear_cut
+from yasps.passes.dependence import Dependence, DependenceMap, size_of
+from yasps.passes.derivatives import directional, jacobian, pull_back, stacked
+from yasps.passes.errors import working_on
+from yasps.passes.linear_cut import constant_map, linear_cut
 
 
 @dataclass(frozen=True)
@@ -68,7 +71,9 @@ class _Differentiation:
     def run(self) -> None:
         made: list[Operation] = []
         for energy in self.energies:
-            derivative = self.differentiate_energy(energy)
+            attribute = self.attributes[name_of(energy.attribute)]
+            with working_on(attribute.symbol, attribute):
+                derivative = self.differentiate_energy(energy)
             if derivative is not None:
                 made.append(derivative)
         for op in (*self._jacobians.values(), *self._curvatures.values(), *made):
@@ -114,10 +119,7 @@ class _Differentiation:
         one = b.number(1.0)
         hessian: SSAValue | None = None
         if dependence[value] is Dependence.NONLINEAR:
-            cut = linear_cut(dependence, inputs)
-            cut_gradients = pull_back(b, dependence, {value: one}, cut)
-            curvature = jacobian(b, [cut_gradients.get(v, b.zeros(shape_of(v))) for v in cut], cut)
-            hessian = b.congruence(curvature, jacobian(b, cut, inputs))
+            hessian = self.hessian(b, dependence, value, one, inputs)
         # From the top again: the energy may depend on the inputs linearly beside the cut. Value numbering makes what
         # both traversals share once.
         gradients = pull_back(b, dependence, {value: one}, inputs)
@@ -125,9 +127,30 @@ class _Differentiation:
         for read in inputs:
             self.need_jacobians(read.owner)
         derivative = DerivativeOp(f"{attribute.symbol}.derivative", energy, attribute.owner, b.body)
+        derivative.location = attribute.location
         if any(self.is_curved_read(read.owner) for read in inputs):
             derivative.curved = UnitAttr()
         return derivative
+
+    def hessian(
+        self, b: BodyBuilder, dependence: DependenceMap, value: SSAValue, one: SSAValue, inputs: list[SSAValue]
+    ) -> SSAValue:
+        """L^T S L, with S the Hessian with respect to the smallest linear cut."""
+        cut = linear_cut(dependence, inputs)
+        constant = constant_map(dependence, inputs, sum(size_of(v) for v in cut))
+        values = cut if constant is None else constant.values
+        gradients = pull_back(b, dependence, {value: one}, values)
+        listed = [gradients.get(v, b.zeros(shape_of(v))) for v in values]
+        if constant is None:
+            return b.congruence(jacobian(b, listed, cut), jacobian(b, cut, inputs))
+        directions = []
+        for column in constant.expand.T:
+            parts = np.split(column, np.cumsum([size_of(v) for v in values])[:-1])
+            seeds = {v: b.constant(part.reshape(shape_of(v))) for v, part in zip(values, parts, strict=True)}
+            directions.append(seeds)
+        moved = b.concat_cols([directional(b, listed, seeds) for seeds in directions])
+        symmetric = b.matmul(b.constant(constant.expand.T), moved)
+        return b.congruence(symmetric, b.constant(constant.rows))
 
     def is_curved(self, name: str) -> bool:
         """Is the attribute, or one it reads on the way to a target, nonlinear? Known once its Jacobians are made."""
@@ -165,12 +188,19 @@ class _Differentiation:
         if is_union(attribute):
             self.need_jacobians(attribute.body.block.first_op)
             return
+        with working_on(name, attribute):
+            self.make_jacobian(attribute)
+
+    def make_jacobian(self, attribute: AttributeOp) -> None:
+        """The attribute's Jacobian, its curvature if it is nonlinear, and those of what it reads."""
+        name = attribute.symbol
         b, value, inputs = self.copy_body(attribute)
         dependence = DependenceMap(b.body, inputs)
         if dependence[value] is Dependence.NONLINEAR:
             self._curvatures[name] = self.curvature(attribute)
         b.append(YieldJacobianOp(jacobian(b, [value], inputs), inputs))
         self._jacobians[name] = JacobianOp(f"{name}.jacobian", symbol(attribute.symbol), attribute.owner, b.body)
+        self._jacobians[name].location = attribute.location
         for read in inputs:
             self.need_jacobians(read.owner)
 
@@ -183,4 +213,6 @@ class _Differentiation:
         hessian = jacobian(b, [gradients.get(v, b.zeros(shape_of(v))) for v in inputs], inputs)
         b.append(YieldCurvatureOp(hessian, inputs))
         name = f"{attribute.symbol}.curvature"
-        return CurvatureOp(name, symbol(attribute.symbol), attribute.owner, b.body)
+        made = CurvatureOp(name, symbol(attribute.symbol), attribute.owner, b.body)
+        made.location = attribute.location
+        return made

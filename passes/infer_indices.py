@@ -10,7 +10,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from xdsl.context import Context
-from xdsl.dialects.builtin import IntegerType, ModuleOp, SymbolRefAttr
+from xdsl.dialects.builtin import IntegerType, ModuleOp
 from xdsl.ir import Block, Operation, SSAValue
 from xdsl.passes import ModulePass
 
@@ -86,7 +86,7 @@ class _IndexInference:
         attribute = self.attributes.get(name)
         if attribute is not None and is_union(attribute):
             return self.union(key, attribute)
-        owner = self.storages[name].owner if name in self.storages else self.attributes[name].owner
+        source = self.storages[name] if name in self.storages else self.attributes[name]
         b = MatBuilder(Block())
         if name in self.targets:
             op = TargetIndexOp(name)
@@ -94,7 +94,7 @@ class _IndexInference:
             value: SSAValue = op.result
         else:
             value = b.zeros((1, 1), i32)  # no contribution
-        return self.define(key, owner, b, value)
+        return self.define(key, source, b, value)
 
     def union(self, key: str, attribute: AttributeOp) -> AttributeOp:
         union = attribute.body.block.first_op
@@ -104,12 +104,12 @@ class _IndexInference:
         b = MatBuilder(Block())
         op = UnionOp([kappa.symbol for kappa in kappas], matrix_type((1, capacity), i32))
         b.append(op)
-        return self.define(key, attribute.owner, b, op.result)
+        return self.define(key, attribute, b, op.result)
 
     def concatenated(self, key: str, user: DerivativeOp | JacobianOp, wrt: list[SSAValue]) -> AttributeOp:
         b = MatBuilder(Block())
         parts = [self.of_read(b, value.owner) for value in wrt]
-        return self.define(key, user.owner, b, b.concat_cols(parts))
+        return self.define(key, user, b, b.concat_cols(parts))
 
     def of_read(self, b: MatBuilder, read: Operation | Block) -> SSAValue:
         """kappa of one boundary input, as a row."""
@@ -128,8 +128,12 @@ class _IndexInference:
         rows, cols = shape_of(op.result)
         return b.reshape(op.result, (1, rows * cols))
 
-    def define(self, key: str, owner: SymbolRefAttr, b: MatBuilder, value: SSAValue) -> AttributeOp:
+    def define(
+        self, key: str, of: StorageOp | AttributeOp | DerivativeOp | JacobianOp, b: MatBuilder, value: SSAValue
+    ) -> AttributeOp:
+        """Adds the attribute `key`, the kappa of `of`: it lives where that lives and was made where that was made."""
         b.append(YieldOp(value))
-        kappa = AttributeOp(key, name_of(owner), matrix_type(shape_of(value), i32), b.body)
+        kappa = AttributeOp(key, name_of(of.owner), matrix_type(shape_of(value), i32), b.body)
+        kappa.location = of.location
         self._kappas[key] = kappa
         return kappa

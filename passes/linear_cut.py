@@ -1,4 +1,4 @@
-"""Which values of a body depend on the active inputs, and through which linear cut an energy does.
+"""Through which linear cut an energy sees its inputs.
 
 If E = phi(L x + c) with L free of the targets, phi's Hessian may be projected instead of E's, at the width of the cut
 (paper, 5.4 and 10.4): A >= 0 implies L^T A L >= 0.
@@ -6,59 +6,21 @@ If E = phi(L x + c) with L free of the targets, phi's Hessian may be projected i
 
 from __future__ import annotations
 
-from collections.abc import Iterable
-from enum import Enum
+from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.sparse import csr_array
 from scipy.sparse.csgraph import breadth_first_order, maximum_flow
 from xdsl.ir import Block, SSAValue
 
-from yasps.dialects.mat import MatOp, shape_of
+from yasps.dialects.mat import MatBuilder, MatOp
+from yasps.dialects.mat.base import constant_value
+from yasps.passes.dependence import Dependence, DependenceMap, size_of
+from yasps.passes.derivatives import jacobian
 
 
-class Dependence(Enum):
-    """How a value depends on the active inputs; AFFINE is meant between kinks, as `MatOp.is_linear` is."""
-
-    CONSTANT = 0
-    AFFINE = 1
-    NONLINEAR = 2
-
-
-class DependenceMap:
-    """Dependence of every value of a block on the `active` values."""
-
-    def __init__(self, block: Block, active: Iterable[SSAValue]) -> None:
-        self.block = block
-        self._kinds: dict[SSAValue, Dependence] = dict.fromkeys(active, Dependence.AFFINE)
-        for op in block.ops:
-            if isinstance(op, MatOp) and op.result not in self._kinds:
-                kind = self._of_operation(op)
-                if kind is not Dependence.CONSTANT:
-                    self._kinds[op.result] = kind
-
-    def _of_operation(self, op: MatOp) -> Dependence:
-        if op.HELD_CONSTANT:
-            return Dependence.CONSTANT
-        kinds = [self[operand] for operand in op.operands]
-        if all(kind is Dependence.CONSTANT for kind in kinds):
-            return Dependence.CONSTANT
-        linear = op.is_linear([kind is not Dependence.CONSTANT for kind in kinds])
-        return Dependence.AFFINE if linear and Dependence.NONLINEAR not in kinds else Dependence.NONLINEAR
-
-    def __getitem__(self, value: SSAValue) -> Dependence:
-        return self._kinds.get(value, Dependence.CONSTANT)
-
-    def is_active(self, value: SSAValue) -> bool:
-        return self[value] is not Dependence.CONSTANT
-
-
-def size_of(value: SSAValue) -> int:
-    rows, cols = shape_of(value)
-    return rows * cols
-
-
-def _used_nonlinearly(dependence: DependenceMap) -> list[SSAValue]:
+def used_nonlinearly(dependence: DependenceMap) -> list[SSAValue]:
     """The affine values that the energy's Hessian depends on: not those that are but terms of the energy."""
     bending = [
         op for op in dependence.block.ops if isinstance(op, MatOp) and dependence[op.result] is Dependence.NONLINEAR
@@ -94,7 +56,7 @@ def linear_cut(dependence: DependenceMap, inputs: list[SSAValue]) -> list[SSAVal
     arcs = [(2 * k, 2 * k + 1, size_of(value)) for value, k in values.items()]
     arcs += [(2 * values[a] + 1, 2 * values[b], unbounded) for a, b in edges]
     arcs += [(source, 2 * values[value], unbounded) for value in inputs]
-    arcs += [(2 * values[value] + 1, sink, unbounded) for value in _used_nonlinearly(dependence)]
+    arcs += [(2 * values[value] + 1, sink, unbounded) for value in used_nonlinearly(dependence)]
     rows, cols, weights = (np.array(column, np.int32) for column in zip(*arcs, strict=True))
     graph = csr_array((weights, (rows, cols)), shape=(sink + 1, sink + 1))
     flow = maximum_flow(graph, source, sink)
@@ -104,3 +66,39 @@ def linear_cut(dependence: DependenceMap, inputs: list[SSAValue]) -> list[SSAVal
     residual.eliminate_zeros()
     reaches_sink = set(breadth_first_order(csr_array(residual.T), sink, return_predecessors=False).tolist())
     return [value for value, k in values.items() if 2 * k not in reaches_sink and 2 * k + 1 in reaches_sink]
+
+
+@dataclass(frozen=True)
+class ConstantMap:
+    """Values that depend on the inputs by a constant matrix of low rank: values = expand basis + c, basis = rows inputs."""
+
+    values: list[SSAValue]
+    expand: NDArray[np.float64]
+    """[entries of all values, rank]."""
+    rows: NDArray[np.float64]
+    """[rank, entries of all inputs]: rows of the values' Jacobian."""
+
+
+def constant_map(dependence: DependenceMap, inputs: list[SSAValue], narrower_than: int) -> ConstantMap | None:
+    """How the energy sees its inputs, if that is by constant coefficients of a rank below `narrower_than`.
+
+    So a hinge or a pair of triangles written with more differences than are independent is still projected at the width of
+    the independent ones: 9, not 12.
+    """
+    values = used_nonlinearly(dependence)
+    scratch = MatBuilder(Block())
+    matrix = constant_value(jacobian(scratch, values, inputs)) if values else None
+    scratch.body.erase(safe_erase=False)
+    if matrix is None:
+        return None  # the coefficients are data
+    chosen: list[int] = []
+    for k in range(len(matrix)):
+        if len(chosen) < np.linalg.matrix_rank(matrix[[*chosen, k]]):
+            chosen.append(k)
+    if not chosen or len(chosen) >= narrower_than:
+        return None
+    rows = matrix[chosen]
+    expand = np.round(matrix @ np.linalg.pinv(rows), 12) + 0.0
+    if not np.array_equal(expand @ rows, matrix):
+        return None  # no exact combination: the wider cut costs time, a rounded one would cost digits
+    return ConstantMap(values, expand, rows)

@@ -36,7 +36,8 @@ from yasps.dialects.rel import (
 )
 from yasps.dialects.scalar_graph import Node, ScalarGraph
 from yasps.passes.bodies import BodyBuilder, containers
-from yasps.passes.linear_cut import size_of
+from yasps.passes.dependence import size_of
+from yasps.passes.errors import working_on
 
 BINARY: dict[str, Callable[[SSAValue, SSAValue], Operation]] = {
     "add": arith.AddfOp,
@@ -73,14 +74,18 @@ class LowerToScalar(ModulePass):
     def apply(self, ctx: Context, op: ModuleOp) -> None:
         for container in containers(op):
             for inner in list(container.body.block.ops):
-                if isinstance(inner, AttributeOp) and inner.body.blocks:
-                    _lower_attribute(container, inner)
-                elif isinstance(inner, DerivativeOp):
-                    _lower_derivative(container, inner)
-                elif isinstance(inner, JacobianOp):
-                    _lower_jacobian(container, inner)
-                elif isinstance(inner, CurvatureOp):
-                    _lower_curvature(container, inner)
+                if isinstance(inner, AttributeOp):
+                    with working_on(inner.symbol, inner):
+                        if inner.body.blocks:
+                            _lower_attribute(container, inner)
+                elif isinstance(inner, DerivativeOp | JacobianOp | CurvatureOp):
+                    with working_on(name_of_function(inner), inner):
+                        if isinstance(inner, DerivativeOp):
+                            _lower_derivative(container, inner)
+                        elif isinstance(inner, JacobianOp):
+                            _lower_jacobian(container, inner)
+                        else:
+                            _lower_curvature(container, inner)
 
 
 class _Stage:

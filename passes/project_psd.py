@@ -18,7 +18,7 @@ from yasps.dialects.mat import MatOp, shape_of
 from yasps.dialects.mat.calculus import CongruenceOp
 from yasps.dialects.rel import DerivativeOp, ReadOp, YieldDerivativeOp
 from yasps.passes.bodies import BodyBuilder, containers
-from yasps.passes.linear_cut import DependenceMap
+from yasps.passes.dependence import DependenceMap
 
 
 @dataclass(frozen=True)

@@ -13,6 +13,7 @@ from xdsl.xdsl_opt_main import xDSLOptMain
 
 from yasps.dialects.mat import Mat
 from yasps.dialects.rel import Rel
+from yasps.passes.errors import CompileError
 from yasps.passes.ir_text import text_of
 from yasps.passes.pipeline import PIPELINE, run_passes, verify
 
@@ -40,7 +41,7 @@ class YaspsOptMain(xDSLOptMain):
 
     def register_all_arguments(self, arg_parser: ArgumentParser) -> None:
         """Those of `xdsl-opt`, and `--locations`."""
-        super().register_all_arguments(arg_parser)  # type: ignore[no-untyped-call]
+        super().register_all_arguments(arg_parser)
         arg_parser.add_argument(
             "--locations",
             default=False,
@@ -50,7 +51,10 @@ class YaspsOptMain(xDSLOptMain):
 
     def setup_pipeline(self) -> None:
         """As upstream, with our verifier between the passes: its errors name the attribute."""
-        super().setup_pipeline()  # type: ignore[no-untyped-call]
+        try:
+            super().setup_pipeline()  # type: ignore[no-untyped-call]
+        except ValueError as error:  # of an unknown pass
+            raise CompileError(str(error)) from error
         theirs = self.pipeline.callback
 
         def callback(previous: ModulePass | None, module: ModuleOp, following: ModulePass | None) -> None:
@@ -69,7 +73,7 @@ class YaspsOptMain(xDSLOptMain):
         """The module as text."""
         if self.args.locations and self.args.target == "mlir":
             return text_of(prog, locations=True)
-        return str(super().output_resulting_program(prog))  # type: ignore[no-untyped-call]
+        return super().output_resulting_program(prog)
 
 
 def main(arguments: Sequence[str] | None = None) -> None:

@@ -28,7 +28,6 @@ from yasps.dialects.mat import Matrix, matrix_type, shape_of, spell
 from yasps.dialects.mat.calculus import PROJECTION_MODES
 from yasps.dialects.rel.declarations import symbol
 
-
 JOIN_OPERATIONS = ("sum", "mean")
 
 

@@ -30,8 +30,8 @@ from yasps.dialects.mat import (
 )
 from yasps.dialects.mat.structure import constant_of
 from yasps.dialects.scalar_graph import ScalarGraph
+from yasps.passes.dependence import DependenceMap, size_of
 from yasps.passes.derivatives import PushForward, pull_back
-from yasps.passes.linear_cut import DependenceMap, size_of
 
 INPUTS: tuple[Shape, ...] = ((3, 1), (3, 3), (1, 1), (2, 2))
 SETTINGS = settings(

@@ -201,7 +201,7 @@ TABLE: dict[str, Refused] = {
     "computing a number": Refused(lambda w: constant(3.0).compute(), SceneError, ("number", "no instances")),
     "adding text": Refused(lambda w: w.x + "1", DataError, ("real numbers", "<U1")),
     "adding None": Refused(lambda w: w.x + None, DataError, ("real numbers", "object")),
-    "power of an attribute": Refused(lambda w: w.x**w.x, DataError, ("exponent", "exp()")),  # type: ignore[operator]
+    "power of a list": Refused(lambda w: w.x ** [1, 2], DataError, ("exponent", "[1, 2]")),  # type: ignore[operator]
     "power NaN": Refused(lambda w: w.x ** float("nan"), DataError, ("exponent", "nan")),
     "power True": Refused(lambda w: w.x**True, DataError, ("exponent", "True")),
     # numbers

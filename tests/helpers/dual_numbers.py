@@ -52,6 +52,20 @@ class Dual:
     def __rtruediv__(self, other: Any) -> Dual:
         return Dual(other, 0) / self
 
+    # The order is that of the values: a choice stays the same in a neighbourhood.
+
+    def __lt__(self, other: Any) -> bool:
+        return bool(self.value < _parts(other)[0])
+
+    def __le__(self, other: Any) -> bool:
+        return bool(self.value <= _parts(other)[0])
+
+    def __gt__(self, other: Any) -> bool:
+        return bool(self.value > _parts(other)[0])
+
+    def __ge__(self, other: Any) -> bool:
+        return bool(self.value >= _parts(other)[0])
+
     def __pow__(self, exponent: int) -> Dual:
         if exponent == 0:
             return Dual(self.value**0, 0 * self.tangent)

@@ -10,6 +10,7 @@ import numpy as np
 from xdsl.ir import Block, SSAValue
 
 from yasps.dialects.mat import Batch, MatOp, Shape, matrix_type
+from yasps.dialects.mat.comparison import is_less, is_less_equal, maximum, minimum
 from yasps.dialects.mat.structure import ConstantOp, IdentityOp
 from yasps.dialects.scalar_graph import Node, ScalarGraph
 
@@ -55,6 +56,12 @@ def run_graph(
         "sub": lambda a, b: a - b,
         "mul": lambda a, b: a * b,
         "div": lambda a, b: a / b,
+        "min": minimum,
+        "max": maximum,
+        "atan2": np.arctan2,
+        "lt": is_less,
+        "le": is_less_equal,
+        "ne": lambda a, b: is_less(a, b) | is_less(b, a),
     }
     values: dict[Node, Any] = {}
     for node in graph.reachable(outputs):
@@ -68,6 +75,8 @@ def run_graph(
             values[node] = operands[0] ** graph.values[node]
         elif kind == "neg":
             values[node] = -operands[0]
+        elif kind == "select":
+            values[node] = np.where(*operands)[()]
         elif kind in binary:
             values[node] = binary[kind](*operands)
         else:

@@ -10,7 +10,18 @@ from mat_bodies import block_of
 from xdsl.dialects.builtin import DenseArrayBase, FloatAttr, StringAttr, f64, i64
 from xdsl.ir import Attribute, Block
 
-from yasps.dialects.mat import Batch, MatOp, Shape, algebra, calculus, elementwise, matrix_type, structure
+from yasps.dialects.mat import (
+    Batch,
+    MatOp,
+    Shape,
+    algebra,
+    calculus,
+    comparison,
+    elementwise,
+    matrix_type,
+    structure,
+    trigonometry,
+)
 from yasps.dialects.mat.base import dense
 
 INSTANCES = 5
@@ -29,6 +40,11 @@ def positive(random: np.random.Generator, shape: Shape) -> Batch:
 def small(random: np.random.Generator, shape: Shape) -> Batch:
     """Numbers of (-0.8, 0.8): the domain of asin and acos, and inside one branch of tan."""
     return random.uniform(-0.8, 0.8, (INSTANCES, *shape))
+
+
+def truth(random: np.random.Generator, shape: Shape) -> Batch:
+    """Zeros and ones, of both kinds."""
+    return (np.arange(INSTANCES * shape[0] * shape[1]).reshape(INSTANCES, *shape) % 2).astype(float)
 
 
 def regular(random: np.random.Generator, shape: Shape) -> Batch:
@@ -86,7 +102,7 @@ def integers(*values: int) -> DenseArrayBase:
 def _functions() -> list[Example]:
     domains: dict[str, Sampler] = {"sqrt": positive, "log": positive, "tan": small, "asin": small, "acos": small}
     made = []
-    for op_class in elementwise.OPS:
+    for op_class in (*elementwise.OPS, *trigonometry.OPS):
         if issubclass(op_class, elementwise.EntrywiseFunction) and op_class is not elementwise.PowOp:
             domain = domains.get(op_class.word(), plain)
             made += [Example(op_class, (shape,), (domain,), rational=False) for shape in ((1, 1), (2, 3))]
@@ -165,4 +181,17 @@ ALL: list[Example] = [
         for shape in ((1, 1), (4, 4))
         for mode in calculus.PROJECTION_MODES
     ],
+    Example(trigonometry.Atan2Op, ((1, 1), (1, 1)), rational=False),
+    Example(trigonometry.Atan2Op, ((2, 3), (2, 3)), rational=False),
+    *[
+        Example(comparison.CompareOp, (shape, shape), properties={"predicate": StringAttr(predicate)})
+        for shape in ((1, 1), (2, 3))
+        for predicate in comparison.PREDICATES
+    ],
+    Example(comparison.SelectOp, ((1, 1), (1, 1), (1, 1)), (truth, plain, plain)),
+    Example(comparison.SelectOp, ((1, 1), (2, 3), (2, 3)), (truth, plain, plain)),
+    Example(comparison.SelectOp, ((2, 3), (2, 3), (2, 3)), (truth, plain, plain)),
+    *_same(comparison.MinOp, (1, 1), (2, 3)),
+    *_same(comparison.MaxOp, (1, 1), (2, 3)),
+    *_one(comparison.AbsOp, (1, 1), (2, 3)),
 ]

@@ -13,6 +13,7 @@ from itertools import permutations
 from typing import Any
 
 import numpy as np
+from exact_numbers import HyperDual
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 from xdsl.dialects.builtin import DenseArrayBase, FloatAttr, f64, i64
@@ -122,6 +123,11 @@ def power(a: Attribute, exponent: float) -> Attribute:
     return combine(elementwise.PowOp, [a], {"exponent": FloatAttr(float(exponent), f64)})
 
 
+def positive(a: Attribute) -> Attribute:
+    """1.5 + a^2, entry by entry."""
+    return a.hadamard(a) + constant(np.full(a.shape, 1.5))
+
+
 WORDS: dict[str, Any] = {
     "Scene": Scene,
     "concat_rows": concat_rows,
@@ -130,6 +136,7 @@ WORDS: dict[str, Any] = {
     "embed": embed,
     "cofactor": cofactor,
     "power": power,
+    "positive": positive,
 }
 
 
@@ -152,7 +159,7 @@ OPERATIONS: dict[str, Operation] = {
     "sub": Operation("{0} - {1}", lambda a, b: a - b, "sub"),
     "neg": Operation("-{0}", lambda a: -a, "neg"),
     "hadamard": Operation("{0}.hadamard({1})", lambda a, b: a * b, "hadamard"),
-    "scale": Operation("{0} * {1}", lambda s, m: s[0, 0] * m, "scale"),
+    "scale": Operation("{0} * {1}", lambda s, m: m * s[0, 0], "scale"),
     "divide": Operation("{0} / {1}", lambda m, s: m / s[0, 0], "divide"),
     "matmul": Operation("{0} @ {1}", _product, "matmul"),
     "gram": Operation("{0}.T @ {0}", lambda a: _product(a.T, a), "matmul"),
@@ -171,23 +178,22 @@ OPERATIONS: dict[str, Operation] = {
     "concat_cols": Operation("concat_cols([{0}, {1}])", lambda a, b: np.concatenate([a, b], 1), "concat_cols"),
     "pow": Operation("power({0}, {n})", lambda a, p: a**p, "pow"),
     "stop_gradient": Operation("{0}.stop_gradient()", lambda a: _frozen(a), "stop_gradient"),
-    "sqrt": Operation("(1.5 + {0}.hadamard({0})).sqrt()", lambda a: (1.5 + a * a) ** 0.5, "sqrt", False),
-    "log": Operation("(1.5 + {0}.hadamard({0})).log()", lambda a: np.log(1.5 + a * a), "log", False),
+    "sqrt": Operation("positive({0}).sqrt()", lambda a: (1.5 + a * a) ** 0.5, "sqrt", False),
+    "log": Operation("positive({0}).log()", lambda a: np.log(1.5 + a * a), "log", False),
     "exp": Operation("(0.5 * {0}).exp()", lambda a: np.exp(0.5 * a), "exp", False),
     "sin": Operation("{0}.sin()", np.sin, "sin", False),
     "cos": Operation("{0}.cos()", np.cos, "cos", False),
     "norm": Operation("{0}.norm()", lambda a: _one(np.sqrt((a * a).sum())), "norm", False),
-    "root": Operation("power(1.5 + {0}.hadamard({0}), -1.5)", lambda a: (1.5 + a * a) ** -1.5, "pow", False),
+    "root": Operation("power(positive({0}), -1.5)", lambda a: (1.5 + a * a) ** -1.5, "pow", False),
 }
 _ONE_SHAPE = ("add", "sub", "hadamard", "dot")
 _SQUARE = ("trace", "det", "cofactor", "inverse")
 
 
 def _frozen(a: Matrix) -> Matrix:
-    """Without its infinitesimal parts."""
+    """Without its infinitesimal parts, if it has any."""
     result = a.copy()
-    for place in np.ndindex(a.shape):
-        result[place] = type(a[place])(a[place].value)
+    result.ravel()[:] = [HyperDual(e.value) if isinstance(e, HyperDual) else e for e in a.ravel()]
     return result
 
 
@@ -235,9 +241,10 @@ class Expression:
             made.append(f"t{k} = {text}")
         return made
 
-    def __repr__(self) -> str:
+    def _repr_pretty_(self, printer: Any, cycle: bool) -> None:
         """What hypothesis prints when the test fails."""
-        return "\n" + "\n".join([*self.lines, f"# at point(seed={self.seed})"])
+        del cycle
+        printer.text("\n" + "\n".join([*self.lines, f"# at the point of seed {self.seed}"]))
 
     def scene(self) -> Scene:
         """A scene of one primitive whose energy is the last value; it may be no more than an input."""
@@ -391,9 +398,9 @@ class _Drawing:
                 for i, j in np.ndindex(rows, cols)
             )
             return ((first,), (exponent,)) if safe else None
-        elif word == "gram" and cols * cols > 16:
-            return None
-        elif word == "norm" and not self.is_denominator(first, lambda m: (m * m).sum()):
+        elif (word == "gram" and cols * cols > 16) or (
+            word == "norm" and not self.is_denominator(first, lambda m: (m * m).sum())
+        ):
             return None
         else:
             return (first,), ()

@@ -79,7 +79,9 @@ def oracle(expression: Expression, instance: int, u: Any, w: Any) -> HyperDual:
         size = entries[0].size
         along = [np.asarray(d[start : start + size]).reshape(entries[0].shape) for d in (u, w)]
         inputs.append(
-            array_of(lambda e, a, b: HyperDual(Fraction(e), Fraction(int(a)), Fraction(int(b))), entries[instance], *along)
+            array_of(
+                lambda e, a, b: HyperDual(Fraction(e), Fraction(int(a)), Fraction(int(b))), entries[instance], *along
+            )
         )
         start += size
     result = expression.evaluate(inputs, lambda number: HyperDual(Fraction(number)))[-1].item()
