@@ -10,8 +10,6 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from xdsl.ir import SSAValue
-
 from yasps.backend.cpp_curvature import dense_hessian
 from yasps.backend.scene_view import Slot
 from yasps.dialects.mat import shape_of
@@ -19,6 +17,12 @@ from yasps.dialects.rel import ApplyOp, DerivativeOp, ProjectOp, YieldDerivative
 
 if TYPE_CHECKING:
     from yasps.backend.cpp_object import _ObjectText
+
+
+MOST_PACKS = 16
+"""Packs whose Hessians are projected by one call: failing matrices of all of them are decomposed together."""
+LARGEST_STACK = 1 << 17
+"""Bytes of one kernel's arrays that hold several packs."""
 
 
 def derivative_body(text: _ObjectText, derivative: DerivativeOp) -> list[str]:
@@ -30,73 +34,103 @@ def derivative_body(text: _ObjectText, derivative: DerivativeOp) -> list[str]:
     capacity = sum(slot.capacity for slot in slots)
     derive = terminator.gradient.owner
     assert isinstance(derive, ApplyOp)
-    names = text.names()
-    lines = [f"V gradient[{n}];"]
-    outputs = ["gradient"]
-    hessian = terminator.hessian
-    if hessian is not None:
-        middle = derive.values[1]
-        lines.append(f"V middle[{shape_of(middle)[0]}];")
-        names[middle] = "middle"
-        outputs.append("middle")
-    lines.append(text.call(derive, names, outputs, "V"))
-    lines += ["V check = splat(0.0);", f"for (long k = 0; k < {n}; ++k) check += gradient[k] * 0.0;"]
-    if hessian is not None:
-        lines += [
-            f"for (long k = 0; k < {shape_of(derive.values[1])[0]}; ++k) check += middle[k] * 0.0;",
-        ]
-    lines += [
-        "for (long l = 0; l < lanes; ++l)",
-        "    if (check[l] != 0.0) return first + l;  // not finite",
-    ]
+    entries = shape_of(derive.values[1])[0] if terminator.hessian is not None else 0
+    project = _projection(terminator)
+    curved = derivative.curved is not None
+    if project is not None and not curved:
+        return _in_batches(text, terminator, derive, project, slots)
+    lines = _derive(text, derive, n, entries, [f"V middle[{entries}];"] if entries else [])
     scatter: list[str] = []
-    if derivative.curved is not None:
-        scatter = dense_hessian(text, slots, capacity, "middle" if hessian is not None else None)
-    elif hessian is not None:
-        scatter = _hessian(text, terminator, names, slots, n=n, capacity=capacity)
+    if curved:
+        scatter = dense_hessian(text, slots, capacity, "middle" if entries else None)
+    elif entries:
+        scatter = _scatter_hessian(text, slots, n, capacity, "middle")
     if scatter:
-        lines += ["if (sink->blocks) {", *(f"    {line}" for line in scatter), "}"]
+        lines += ["if (sink->blocks) {", *indented(scatter), "}"]
     lines += _scatter_gradient(text, slots, capacity)
     return [
         "for (long first = begin; first < end; first += 8) {",
         "    const long lanes = end - first < 8 ? end - first : 8;",
-        *(f"    {line}" for line in [*text.gather_pack(), *lines]),
+        *indented(text.declare("V")),
+        *indented([*text.gather_pack(), *lines]),
         "}",
         "return -1;",
     ]
 
 
-def _hessian(
-    text: _ObjectText,
-    terminator: YieldDerivativeOp,
-    names: dict[SSAValue, str],
-    slots: list[Slot],
-    *,
-    n: int,
-    capacity: int,
+def indented(lines: list[str]) -> list[str]:
+    """The lines, one level deeper."""
+    return [f"    {line}" for line in lines]
+
+
+def _projection(terminator: YieldDerivativeOp) -> ProjectOp | None:
+    """The projection between the derivatives and the Hessian, if there is one."""
+    if terminator.hessian is None:
+        return None
+    producer = terminator.hessian.owner
+    if isinstance(producer, ApplyOp):
+        producer = next((v.owner for v in producer.inputs if isinstance(v.owner, ProjectOp)), producer)
+    return producer if isinstance(producer, ProjectOp) else None
+
+
+def _derive(text: _ObjectText, derive: ApplyOp, n: int, entries: int, declarations: list[str]) -> list[str]:
+    """Gradient and packed Hessian of one pack, and a return if they are not finite."""
+    outputs = ["gradient", "middle"] if entries else ["gradient"]
+    lines = [f"V gradient[{n}];", *declarations, text.call(derive, text.names(), outputs, "V")]
+    lines += ["V check = splat(0.0);", f"for (long k = 0; k < {n}; ++k) check += gradient[k] * 0.0;"]
+    if entries:
+        lines.append(f"for (long k = 0; k < {entries}; ++k) check += middle[k] * 0.0;")
+    return [
+        *lines,
+        "for (long l = 0; l < lanes; ++l)",
+        "    if (check[l] != 0.0) return first + l;  // not finite",
+    ]
+
+
+def _in_batches(
+    text: _ObjectText, terminator: YieldDerivativeOp, derive: ApplyOp, project: ProjectOp, slots: list[Slot]
 ) -> list[str]:
-    hessian = terminator.hessian
-    assert hessian is not None
-    lines: list[str] = []
+    """Derivatives of several packs, one projection of them all, then pull-back and scatter of each."""
+    n, capacity = sum(slot.size for slot in slots), sum(slot.capacity for slot in slots)
+    assert terminator.hessian is not None
+    pull_back = terminator.hessian.owner
+    entries = shape_of(project.packed)[0]
+    names = {**text.names(), project.result: "middle"}
+    kept = {names[v] for v in pull_back.inputs} - {"middle"} if isinstance(pull_back, ApplyOp) else set()
+    sizes = {f"r{k}": size for k, size in enumerate(text.read_sizes())}
+    bytes_of_pack = 64 * (entries + sum(sizes[name] for name in kept))
+    packs = max(1, min(MOST_PACKS, LARGEST_STACK // bytes_of_pack))
+    width = project.width.value.data
+    scatter: list[str] = []
     packed = "middle"
-    pull_back = hessian.owner
-    project = pull_back if isinstance(pull_back, ProjectOp) else None
-    if isinstance(pull_back, ApplyOp) and pull_back is not terminator.gradient.owner:
-        project = next(v.owner for v in pull_back.inputs if isinstance(v.owner, ProjectOp))
-    if project is not None:
-        width = project.width.value.data
-        lines += [
-            f"const long changed = sink->project((double*)middle, {width}, (int)lanes, sink->mode);",
-            "if (changed < 0) return first - changed - 1;",
-            "*sink->projected += changed;",
-        ]
-        names[project.result] = "middle"
-    if isinstance(pull_back, ApplyOp) and pull_back is not terminator.gradient.owner:
-        lines.append(f"V hessian[{shape_of(hessian)[0]}];")
-        lines.append(text.call(pull_back, names, ["hessian"], "V"))
+    if isinstance(pull_back, ApplyOp):
+        scatter += [f"V hessian[{shape_of(terminator.hessian)[0]}];", text.call(pull_back, names, ["hessian"], "V")]
         packed = "hessian"
-    lines += _scatter_hessian(text, slots, n, capacity, packed)
-    return lines
+    scatter += _scatter_hessian(text, slots, n, capacity, packed)
+    own = [f"V {name}[{size}];" for name, size in sizes.items() if name not in kept]
+    shared = [f"V* const {name} = {name}_of[pack];" for name in sorted(kept)]
+    middle = ["V* const middle = middle_of[pack];"]
+    lanes = "const long lanes = stop - first < 8 ? stop - first : 8;"
+    each_pack = "for (long first = start, pack = 0; first < stop; first += 8, ++pack) {"
+    return [
+        f"V middle_of[{packs}][{entries}];",
+        *(f"V {name}_of[{packs}][{sizes[name]}];" for name in sorted(kept)),
+        f"for (long start = begin; start < end; start += {8 * packs}) {{",
+        f"    const long stop = end - start < {8 * packs} ? end : start + {8 * packs};",
+        f"    {each_pack}",
+        *indented(indented([lanes, *own, *shared, *text.gather_pack(), *_derive(text, derive, n, entries, middle)])),
+        *indented(indented(_scatter_gradient(text, slots, capacity))),
+        "    }",
+        "    if (!sink->blocks) continue;",
+        f"    const long changed = sink->project((double*)middle_of, {width}, (int)(stop - start), sink->mode);",
+        "    if (changed < 0) return start - changed - 1;",
+        "    *sink->projected += changed;",
+        f"    {each_pack}",
+        *indented(indented([lanes, *middle, *shared, *scatter])),
+        "    }",
+        "}",
+        "return -1;",
+    ]
 
 
 def _starts(sizes: list[int]) -> list[int]:

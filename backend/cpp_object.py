@@ -218,8 +218,12 @@ class _ObjectText:
     def reads(self) -> list[ReadOp]:
         return [op for op in self.definition.body.block.ops if isinstance(op, ReadOp)]
 
+    def read_sizes(self) -> list[int]:
+        """Entries of each boundary read."""
+        return [_size(op.result) for op in self.reads()]
+
     def declare(self, scalar: str) -> list[str]:
-        return [f"{scalar} r{k}[{_size(op.result)}];" for k, op in enumerate(self.reads())]
+        return [f"{scalar} r{k}[{size}];" for k, size in enumerate(self.read_sizes())]
 
     def gather_scalar(self, scalar: str) -> list[str]:
         lines = self.declare(scalar)
@@ -228,9 +232,8 @@ class _ObjectText:
         return lines
 
     def gather_pack(self) -> list[str]:
-        """Gathers 8 instances; lanes past the end repeat the last one."""
-        lines = self.declare("V")
-        lines += ["for (long l = 0; l < 8; ++l) {", "    const long i = first + (l < lanes ? l : lanes - 1);"]
+        """Gathers 8 instances into the declared arrays; lanes past the end repeat the last one."""
+        lines = ["for (long l = 0; l < 8; ++l) {", "    const long i = first + (l < lanes ? l : lanes - 1);"]
         for k, op in enumerate(self.reads()):
             size = _size(op.result)
             lines += [f"    double g{k}[{size}];"]
@@ -296,7 +299,7 @@ class _ObjectText:
                 assert isinstance(producer, ApplyOp)
                 body = ["for (long first = begin; first < end; first += 8) {"]
                 body += ["    const long lanes = end - first < 8 ? end - first : 8;"]
-                body += [f"    {line}" for line in self.gather_pack()]
+                body += [f"    {line}" for line in [*self.declare("V"), *self.gather_pack()]]
                 body += [f"    V y[{size}];", f"    {self.call(producer, self.names(), ['y'], 'V')}"]
                 body += ["    for (long l = 0; l < lanes; ++l)"]
                 body += [f"        for (long e = 0; e < {size}; ++e) out[(first + l) * {size} + e] = y[e][l];", "}"]

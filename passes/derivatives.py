@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 
 from xdsl.ir import SSAValue
 
 from yasps.dialects.mat import MatBuilder, MatOp, shape_of
 from yasps.passes.dependence import DependenceMap, size_of
+from yasps.passes.scalar_chains import ScalarChains, Slopes
 
 
 def pull_back(
@@ -110,10 +111,16 @@ class _Guards:
 
 
 class PushForward:
-    """Forward mode along one direction: tangents of values for the tangents of a few, made on demand."""
+    """Forward mode along one direction: tangents of values for the tangents of a few, made on demand.
 
-    def __init__(self, b: MatBuilder, seeds: Mapping[SSAValue, SSAValue | None]) -> None:
+    chains: of the same few values; shared by several directions it saves most of the work on numbers.
+    """
+
+    def __init__(
+        self, b: MatBuilder, seeds: Mapping[SSAValue, SSAValue | None], chains: ScalarChains | None = None
+    ) -> None:
         self.b = b
+        self._chains = chains
         self._tangents: dict[SSAValue, SSAValue | None] = dict(seeds)
 
     def __getitem__(self, value: SSAValue) -> SSAValue | None:
@@ -126,25 +133,47 @@ class PushForward:
                 self._tangents.setdefault(current, None)
                 stack.pop()
                 continue
-            missing = [operand for operand in op.operands if operand not in self._tangents]
+            slopes = self._chains.slopes(current) if self._chains is not None else None
+            needed = op.operands if slopes is None else [u for u, _ in slopes]
+            missing = [operand for operand in needed if operand not in self._tangents]
             if missing:
                 stack.extend(missing)
                 continue
-            tangents = [self._tangents[operand] for operand in op.operands]
-            nonzero = any(tangent is not None for tangent in tangents)
-            self._tangents[current] = op.pushforward(self.b, tangents) if nonzero else None
+            self._tangents[current] = self._along(slopes) if slopes is not None else self._by_rule(op)
             stack.pop()
         return self._tangents[value]
 
+    def _by_rule(self, op: MatOp) -> SSAValue | None:
+        tangents = [self._tangents[operand] for operand in op.operands]
+        return op.pushforward(self.b, tangents) if any(tangent is not None for tangent in tangents) else None
 
-def directional(b: MatBuilder, outputs: Sequence[SSAValue], seeds: Mapping[SSAValue, SSAValue | None]) -> SSAValue:
-    """Tangents of the outputs along one direction, all entries as one column; a seed of None holds a value constant."""
-    push = PushForward(b, seeds)
-    parts = []
-    for output in outputs:
-        tangent = push[output]
-        parts.append(b.zeros((size_of(output), 1)) if tangent is None else b.flat(tangent))
-    return b.concat_rows(parts)
+    def _along(self, slopes: Slopes) -> SSAValue | None:
+        parts = [(slope, self._tangents[u]) for u, slope in slopes]
+        return self.b.total([slope and tangent and self.b.scale(slope, tangent) for slope, tangent in parts])
+
+
+def directional(
+    b: MatBuilder, outputs: Sequence[SSAValue], directions: Sequence[Mapping[SSAValue, SSAValue | None]]
+) -> SSAValue:
+    """Tangents of the outputs along each direction: all entries as one column, the columns side by side.
+
+    Every direction seeds the same values; a seed of None holds a value constant.
+    """
+
+    def partial(value: SSAValue, u: SSAValue, front: Collection[SSAValue]) -> SSAValue | None:
+        return PushForward(b, {**dict.fromkeys(front), u: b.number(1.0)})[value]
+
+    chains = ScalarChains(directions[0].keys(), partial)
+    columns = []
+    for seeds in directions:
+        push = PushForward(b, seeds, chains)
+        tangents = [(output, push[output]) for output in outputs]
+        columns.append(
+            b.concat_rows(
+                [b.zeros((size_of(output), 1)) if tangent is None else b.flat(tangent) for output, tangent in tangents]
+            )
+        )
+    return b.concat_cols(columns)
 
 
 def jacobian(b: MatBuilder, outputs: Sequence[SSAValue], inputs: Sequence[SSAValue]) -> SSAValue:
@@ -153,12 +182,14 @@ def jacobian(b: MatBuilder, outputs: Sequence[SSAValue], inputs: Sequence[SSAVal
     Inputs count as independent of each other, also where one is computed from another (the values of a cut may be).
     """
     held: dict[SSAValue, SSAValue | None] = dict.fromkeys(inputs)
-    return b.concat_cols(
+    return directional(
+        b,
+        outputs,
         [
-            directional(b, outputs, {**held, value: b.unit(shape_of(value), position)})
+            {**held, value: b.unit(shape_of(value), position)}
             for value in inputs
             for position in range(size_of(value))
-        ]
+        ],
     )
 
 

@@ -148,7 +148,7 @@ class _Differentiation:
             parts = np.split(column, np.cumsum([size_of(v) for v in values])[:-1])
             seeds = {v: b.constant(part.reshape(shape_of(v))) for v, part in zip(values, parts, strict=True)}
             directions.append(seeds)
-        moved = b.concat_cols([directional(b, listed, seeds) for seeds in directions])
+        moved = directional(b, listed, directions)
         symmetric = b.matmul(b.constant(constant.expand.T), moved)
         return b.congruence(symmetric, b.constant(constant.rows))
 

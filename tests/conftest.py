@@ -14,6 +14,11 @@ import pytest
 sys.path.insert(0, str(Path(__file__).parent / "helpers"))
 
 
+def pytest_addoption(parser: pytest.Parser) -> None:
+    """`--update-golden`, of tests/golden."""
+    parser.addoption("--update-golden", action="store_true", help="write the files of tests/golden anew")
+
+
 @pytest.fixture(scope="session", autouse=True)
 def compiled_code_cache(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
     """YASPS_CACHE in this run's temporary folder, shared by all its tests and by the workers of pytest-xdist."""

@@ -98,7 +98,7 @@ class SelectOp(MatOp):
 
     @classmethod
     def infer(cls, shapes: Sequence[Shape], properties: dict[str, Attribute]) -> Shape:
-        shape = same_shapes("the two sides of a choice", shapes[1:])
+        shape = same_shapes("a choice", shapes[1:])
         if shapes[0] not in ((1, 1), shape):
             wanted = "1x1" if shape == (1, 1) else f"1x1 or {spell(shape)}"
             raise ShapeError(f"the condition must be {wanted}, got {spell(shapes[0])}")

@@ -11,7 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from mat_bodies import run_graph
 
-from yasps.dialects.scalar_graph import UNARY_FUNCTIONS, Node, ScalarGraph
+from yasps.dialects.scalar_graph import BINARY_FUNCTIONS, COMPARISONS, UNARY_FUNCTIONS, Node, ScalarGraph
 
 SETTINGS = settings(max_examples=200, deadline=None, derandomize=True, database=None)
 INPUTS = [Fraction(3, 2), Fraction(-7, 3), Fraction(5), Fraction(1, 9)]
@@ -29,6 +29,9 @@ def _grow(children: st.SearchStrategy[Tree]) -> st.SearchStrategy[Tree]:
         st.tuples(st.just("neg"), children),
         st.tuples(st.just("power"), children, st.sampled_from((0.0, 1.0, 2.0, 3.0, 5.0))),
         st.tuples(st.just("div"), children, st.sampled_from((-4.0, -1.0, 0.25, 1.0, 2.0))),
+        st.tuples(st.just("abs"), children),
+        st.tuples(st.sampled_from(("min", "max", *COMPARISONS)), children, children),
+        st.tuples(st.just("select"), children, children, children),
         st.tuples(st.just("reciprocal"), st.integers(0, len(INPUTS) - 1), children),
     )
 
@@ -51,7 +54,15 @@ def _exact(tree: Tree) -> Fraction:
         return _exact(tree[1]) / Fraction(tree[2])
     if kind == "reciprocal":
         return _exact(tree[2]) / -INPUTS[tree[1]]
+    if kind == "abs":
+        return abs(_exact(tree[1]))
+    if kind == "select":
+        return _exact(tree[2]) if _exact(tree[1]) != 0 else _exact(tree[3])
     a, b = _exact(tree[1]), _exact(tree[2])
+    if kind in ("min", "max"):
+        return min(a, b) if kind == "min" else max(a, b)
+    if kind in ("lt", "le", "ne"):
+        return Fraction({"lt": a < b, "le": a <= b, "ne": a != b}[kind])
     return a + b if kind == "add" else a - b if kind == "sub" else a * b
 
 
@@ -69,6 +80,14 @@ def _node(graph: ScalarGraph, tree: Tree) -> Node:
         return graph.div(_node(graph, tree[1]), graph.constant(tree[2]))
     if kind == "reciprocal":
         return graph.div(_node(graph, tree[2]), graph.neg(graph.input(tree[1])))
+    if kind == "abs":
+        return graph.unary("abs", _node(graph, tree[1]))
+    if kind == "select":
+        return graph.select(*(_node(graph, part) for part in tree[1:]))
+    if kind in COMPARISONS:
+        return graph.compare(kind, _node(graph, tree[1]), _node(graph, tree[2]))
+    if kind in BINARY_FUNCTIONS:
+        return graph.binary(kind, _node(graph, tree[1]), _node(graph, tree[2]))
     operation = {"add": graph.add, "sub": graph.sub, "mul": graph.mul}[kind]
     return operation(_node(graph, tree[1]), _node(graph, tree[2]))
 
@@ -240,6 +259,54 @@ def test_overflow_is_left_to_run_time(graph: ScalarGraph) -> None:
     graph.mul(huge, graph.mul(huge, x))
     graph.div(x, graph.constant(2.0**-1074))  # 1 / 2^-1074 overflows
     assert all(math.isfinite(value) for value in graph.values)
+
+
+def test_a_choice_by_a_comparison_is_one_selection(graph: ScalarGraph) -> None:
+    """No 0 or 1 on the way, also for "and", "or" and "not"."""
+    x, y, z = graph.input(0), graph.input(1), graph.input(2)
+    first, second = graph.compare("lt", x, y), graph.compare("le", y, z)
+    chosen = graph.select(first, x, z)
+    assert [graph.kinds[n] for n in graph.reachable([chosen])] == ["input"] * 3 + ["lt", "select"]
+    for condition in (
+        graph.select(first, second, graph.zero),
+        graph.select(first, graph.one, second),
+        graph.select(first, graph.zero, second),
+    ):
+        chosen = graph.select(condition, x, z)
+        reached = graph.reachable([chosen])
+        assert sorted(graph.kinds[n] for n in reached) == ["input"] * 3 + ["le", "lt", "select", "select"]
+        assert not any(graph.is_constant(n) for n in reached)
+    assert graph.select(graph.select(first, graph.zero, graph.one), x, z) == graph.select(first, z, x)
+
+
+def test_a_choice_made_already_is_not_made_again(graph: ScalarGraph) -> None:
+    x, y, z = graph.input(0), graph.input(1), graph.input(2)
+    condition = graph.compare("lt", x, y)
+    assert graph.select(condition, graph.select(condition, x, y), z) == graph.select(condition, x, z)
+    assert graph.select(condition, x, graph.select(condition, y, z)) == graph.select(condition, x, z)
+    assert graph.select(condition, x, x) == x
+    assert graph.select(graph.one, x, y) == x
+    assert graph.select(graph.zero, x, y) == y
+    assert graph.select(condition, graph.neg(x), graph.neg(y)) == graph.neg(graph.select(condition, x, y))
+    assert graph.select(condition, graph.neg(x), graph.zero) == graph.neg(graph.select(condition, x, graph.zero))
+
+
+def test_comparisons_of_negatives_are_those_of_positives(graph: ScalarGraph) -> None:
+    x, y = graph.input(0), graph.input(1)
+    assert graph.compare("lt", graph.neg(x), graph.neg(y)) == graph.compare("lt", y, x)
+    assert graph.compare("lt", graph.neg(x), graph.constant(-2.0)) == graph.compare("lt", graph.constant(2.0), x)
+    assert graph.compare("lt", x, x) == graph.zero
+    assert graph.kinds[graph.compare("le", x, x)] == "select"  # 0 where x is NaN
+
+
+def test_absolute_values_forget_signs(graph: ScalarGraph) -> None:
+    x, y = graph.input(0), graph.input(1)
+    assert graph.unary("abs", graph.neg(x)) == graph.unary("abs", x)
+    assert graph.unary("abs", graph.unary("abs", x)) == graph.unary("abs", x)
+    assert graph.binary("min", x, y) == graph.binary("min", y, x)
+    assert graph.binary("max", x, x) == x
+    assert graph.binary("atan2", x, y) != graph.binary("atan2", y, x)
+    assert graph.binary("atan2", graph.one, graph.one) == graph.constant(math.pi / 4)
 
 
 def test_division_by_zero_is_left_to_run_time(graph: ScalarGraph) -> None:

@@ -8,5 +8,5 @@ from yasps.examples import laplacian_smoothing
 
 
 def test_smooths_a_ball(capsys: pytest.CaptureFixture[str]) -> None:
-    assert laplacian_smoothing.main(["--vertices", "400"]) == 0
+    assert laplacian_smoothing.main(["--vertices", "1500"]) == 0
     assert "neighbours at most" in capsys.readouterr().out

@@ -89,7 +89,7 @@ def oracle(expression: Expression, instance: int, u: Any, w: Any) -> HyperDual:
     return result
 
 
-@examples(ci=250, nightly=5000)
+@examples(ci=100, nightly=4000)
 @given(expressions(rational=True))
 def test_rational_expressions_are_exact(expression: Expression) -> None:
     modules, data = stages(expression)
@@ -118,7 +118,7 @@ def test_rational_expressions_are_exact(expression: Expression) -> None:
         assert all(number.first == 0 and number.both == 0 for number in wanted), "derivatives are missing"
 
 
-@examples(ci=150, nightly=3000)
+@examples(ci=60, nightly=2000)
 @given(expressions(rational=False))
 def test_smooth_expressions_agree_with_complex_steps(expression: Expression) -> None:
     modules, data = stages(expression)

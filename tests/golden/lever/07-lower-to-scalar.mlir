@@ -1,0 +1,109 @@
+builtin.module {
+  rel.scene @lever {
+    rel.mesh @m in @lever
+    rel.primitive @m.springs in @m size 1 : i64
+    rel.primitive @m.tips in @m size 2 : i64
+    rel.primitive @m.arms in @m size 2 : i64
+    rel.connectivity @m.tips.arm from @m.tips to @m.arms arity 1 : i64
+    rel.connectivity @m.springs.ends from @m.springs to @m.tips arity 2 : i64
+    rel.storage @m.arms.angle on @m.arms : tensor<1x1xf64>
+    rel.storage @m.tips.length on @m.tips : tensor<1x1xf64> constant
+    rel.attribute @m.tips.x on @m.tips : tensor<2x1xf64> {
+      %0 = rel.join @m.arms.angle through @m.tips.arm : tensor<1x1xf64>
+      %length = rel.data @m.tips.length : tensor<1x1xf64>
+      %1 = rel.apply @m.tips.x.value(%0, %length) : (tensor<1x1xf64>, tensor<1x1xf64>) -> tensor<2x1xf64>
+      rel.yield %1 : tensor<2x1xf64>
+    }
+    rel.attribute @m.springs.stretch on @m.springs : tensor<1x1xf64> {
+      %0 = rel.join @m.tips.x through @m.springs.ends : tensor<2x2xf64>
+      %1 = rel.apply @m.springs.stretch.value(%0) : (tensor<2x2xf64>) -> tensor<1x1xf64>
+      rel.yield %1 : tensor<1x1xf64>
+    }
+    rel.energy @m.springs.stretch projection "clamp"
+    rel.target @m.arms.angle
+    rel.jacobian @m.tips.x.jacobian of @m.tips.x on @m.tips indices @m.tips.x.kappa {
+    ^bb0(%0: tensor<2x1xf64>):
+      %1 = rel.join @m.arms.angle through @m.tips.arm : tensor<1x1xf64>
+      %length = rel.data @m.tips.length : tensor<1x1xf64>
+      %2 = rel.apply @m.tips.x.pull_back(%1, %length, %0) : (tensor<1x1xf64>, tensor<1x1xf64>, tensor<2x1xf64>) -> tensor<1x1xf64>
+      rel.yield_jacobian %2 : tensor<1x1xf64> wrt %1 : tensor<1x1xf64>
+    }
+    rel.curvature @m.tips.x.curvature of @m.tips.x on @m.tips {
+    ^bb0(%0: tensor<2x1xf64>):
+      %1 = rel.join @m.arms.angle through @m.tips.arm : tensor<1x1xf64>
+      %length = rel.data @m.tips.length : tensor<1x1xf64>
+      %2 = rel.apply @m.tips.x.second(%1, %length, %0) : (tensor<1x1xf64>, tensor<1x1xf64>, tensor<2x1xf64>) -> tensor<1x1xf64>
+      rel.yield_curvature %2 : tensor<1x1xf64> wrt %1 : tensor<1x1xf64>
+    }
+    rel.derivative @m.springs.stretch.derivative of @m.springs.stretch on @m.springs projection "clamp" curved indices @m.springs.stretch.kappa projects "the whole local Hessian, expanded to the targets: an input is nonlinear in them" {
+      %0 = rel.join @m.tips.x through @m.springs.ends : tensor<2x2xf64>
+      %1, %2 = rel.apply @m.springs.stretch.derive(%0) : (tensor<2x2xf64>) -> (tensor<4x1xf64>, tensor<10x1xf64>)
+      rel.yield_derivative gradient %1 : tensor<4x1xf64> hessian %2 : tensor<10x1xf64> wrt %0 : tensor<2x2xf64>
+    }
+    rel.attribute @m.arms.angle.kappa on @m.arms : tensor<1x1xi32> {
+      %0 = rel.target_index @m.arms.angle : tensor<1x1xi32>
+      rel.yield %0 : tensor<1x1xi32>
+    }
+    rel.attribute @m.tips.x.kappa on @m.tips : tensor<1x1xi32> {
+      %0 = rel.join @m.arms.angle.kappa through @m.tips.arm : tensor<1x1xi32>
+      rel.yield %0 : tensor<1x1xi32>
+    }
+    rel.attribute @m.springs.stretch.kappa on @m.springs : tensor<1x2xi32> {
+      %0 = rel.join @m.tips.x.kappa through @m.springs.ends : tensor<2x1xi32>
+      %1 = rel.apply @m.springs.stretch.kappa.value(%0) : (tensor<2x1xi32>) -> tensor<1x2xi32>
+      rel.yield %1 : tensor<1x2xi32>
+    }
+    func.func @m.tips.x.value(%0: f64, %1: f64) -> (f64, f64) {
+      %2 = math.sin %0 : f64
+      %3 = arith.mulf %1, %2 : f64
+      %4 = math.cos %0 : f64
+      %5 = arith.mulf %1, %4 : f64
+      func.return %5, %3 : f64, f64
+    }
+    func.func @m.springs.stretch.value(%0: f64, %1: f64, %2: f64, %3: f64) -> f64 {
+      %4 = arith.subf %0, %2 : f64
+      %5 = arith.subf %1, %3 : f64
+      %6 = arith.mulf %4, %4 : f64
+      %7 = arith.mulf %5, %5 : f64
+      %8 = arith.addf %6, %7 : f64
+      %9 = arith.constant 5.000000e-01 : f64
+      %10 = arith.mulf %9, %8 : f64
+      func.return %10 : f64
+    }
+    func.func @m.tips.x.pull_back(%0: f64, %1: f64, %2: f64, %3: f64) -> f64 {
+      %4 = math.cos %0 : f64
+      %5 = arith.mulf %1, %4 : f64
+      %6 = math.sin %0 : f64
+      %7 = arith.mulf %1, %6 : f64
+      %8 = arith.mulf %2, %7 : f64
+      %9 = arith.mulf %3, %5 : f64
+      %10 = arith.subf %8, %9 : f64
+      %11 = arith.negf %10 : f64
+      func.return %11 : f64
+    }
+    func.func @m.tips.x.second(%0: f64, %1: f64, %2: f64, %3: f64) -> f64 {
+      %4 = arith.mulf %1, %3 : f64
+      %5 = math.sin %0 : f64
+      %6 = arith.mulf %4, %5 : f64
+      %7 = arith.mulf %1, %2 : f64
+      %8 = math.cos %0 : f64
+      %9 = arith.mulf %7, %8 : f64
+      %10 = arith.addf %6, %9 : f64
+      %11 = arith.negf %10 : f64
+      func.return %11 : f64
+    }
+    func.func @m.springs.stretch.derive(%0: f64, %1: f64, %2: f64, %3: f64) -> (f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64) {
+      %4 = arith.constant 0.000000e+00 : f64
+      %5 = arith.constant 1.000000e+00 : f64
+      %6 = arith.subf %0, %2 : f64
+      %7 = arith.negf %6 : f64
+      %8 = arith.subf %1, %3 : f64
+      %9 = arith.negf %8 : f64
+      %10 = arith.constant -1.000000e+00 : f64
+      func.return %6, %8, %7, %9, %5, %4, %10, %4, %5, %4, %10, %5, %4, %5 : f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64
+    }
+    func.func @m.springs.stretch.kappa.value(%0: i32, %1: i32) -> (i32, i32) {
+      func.return %0, %1 : i32, i32
+    }
+  }
+}

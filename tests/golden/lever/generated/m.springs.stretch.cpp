@@ -1,0 +1,34 @@
+// backend/kernel_prelude.h stands here
+
+extern "C" void yasps<m.tips.x>_value(Arguments, long, double*);
+static inline void value_pack(const V* x0, V* y0) {
+    const V t4 = x0[0] - x0[2];
+    const V t5 = x0[1] - x0[3];
+    const V t6 = t4 * t4;
+    const V t7 = t5 * t5;
+    const V t8 = t6 + t7;
+    const V t10 = splat(0.5) * t8;
+    y0[0] = t10;
+}
+
+extern "C" void yasps<m.springs.stretch>_batch(Arguments a, long begin, long end, double* out) {
+    const int* const p0 = (const int*)a[0];
+    Arguments const p1 = (Arguments)a[1];
+    for (long first = begin; first < end; first += 8) {
+        const long lanes = end - first < 8 ? end - first : 8;
+        V r0[4];
+        for (long l = 0; l < 8; ++l) {
+            const long i = first + (l < lanes ? l : lanes - 1);
+            double g0[4];
+            for (long s = 0; s < 2; ++s) {
+                const long j = p0[i * 2 + s];
+                yasps<m.tips.x>_value(p1, j, (g0 + s * 2));
+            }
+            for (long e = 0; e < 4; ++e) r0[e][l] = g0[e];
+        }
+        V y[1];
+        value_pack(r0, y);
+        for (long l = 0; l < lanes; ++l)
+            for (long e = 0; e < 1; ++e) out[(first + l) * 1 + e] = y[e][l];
+    }
+}

@@ -1,0 +1,157 @@
+// backend/kernel_prelude.h stands here
+
+// backend/dense_prelude.h stands here
+
+extern "C" long yasps<m.tips.x.jacobian>_pull(Arguments, long, const double*, long, double*);
+extern "C" long yasps<m.tips.x.jacobian>_curve(Arguments, long, const double*, double*, long);
+extern "C" void yasps<m.tips.x>_value(Arguments, long, double*);
+static inline void derive_pack(const V* x0, V* y0, V* y1) {
+    const V t6 = x0[0] - x0[2];
+    const V t7 = -t6;
+    const V t8 = x0[1] - x0[3];
+    const V t9 = -t8;
+    y0[0] = t6;
+    y0[1] = t8;
+    y0[2] = t7;
+    y0[3] = t9;
+    y1[0] = splat(1.0);
+    y1[1] = splat(0.0);
+    y1[2] = splat(-1.0);
+    y1[3] = splat(0.0);
+    y1[4] = splat(1.0);
+    y1[5] = splat(0.0);
+    y1[6] = splat(-1.0);
+    y1[7] = splat(1.0);
+    y1[8] = splat(0.0);
+    y1[9] = splat(1.0);
+}
+
+extern "C" long yasps<m.springs.stretch.derivative>_derive(Arguments a, long begin, long end, const yasps_sink* sink) {
+    const int* const p0 = (const int*)a[0];
+    Arguments const p1 = (Arguments)a[1];
+    Arguments const p2 = (Arguments)a[2];
+    for (long first = begin; first < end; first += 8) {
+        const long lanes = end - first < 8 ? end - first : 8;
+        V r0[4];
+        for (long l = 0; l < 8; ++l) {
+            const long i = first + (l < lanes ? l : lanes - 1);
+            double g0[4];
+            for (long s = 0; s < 2; ++s) {
+                const long j = p0[i * 2 + s];
+                yasps<m.tips.x>_value(p2, j, (g0 + s * 2));
+            }
+            for (long e = 0; e < 4; ++e) r0[e][l] = g0[e];
+        }
+        V gradient[4];
+        V middle[10];
+        derive_pack(r0, gradient, middle);
+        V check = splat(0.0);
+        for (long k = 0; k < 4; ++k) check += gradient[k] * 0.0;
+        for (long k = 0; k < 10; ++k) check += middle[k] * 0.0;
+        for (long l = 0; l < lanes; ++l)
+            if (check[l] != 0.0) return first + l;  // not finite
+        if (sink->blocks) {
+            for (long l = 0; l < lanes; ++l) {
+                const long i = first + l;
+                long at[3];
+                at[0] = 0;
+                at[1] = at[0] + yasps<m.tips.x.jacobian>_pull(p1, (long)p0[i * 2 + 0], (const double*)0, 0, (double*)0);
+                at[2] = at[1] + yasps<m.tips.x.jacobian>_pull(p1, (long)p0[i * 2 + 1], (const double*)0, 0, (double*)0);
+                const long n = at[2];
+                double local[4];
+                for (long k = 0; k < n * n; ++k) local[k] = 0.0;
+                {
+                    double b[4], left[2];
+                    double turned[2], both[1];
+                    for (long r = 0; r < 2; ++r)
+                        for (long c = 0; c < 2; ++c)
+                            b[r * 2 + c] = middle[packed(4, 0 + (r < c ? r : c), 0 + (r < c ? c : r))][l];
+                    const long height = yasps<m.tips.x.jacobian>_pull(p1, (long)p0[i * 2 + 0], b, 2, left);
+                    for (long r = 0; r < height; ++r)
+                        for (long c = 0; c < 2; ++c)
+                            turned[c * height + r] = left[r * 2 + c];
+                    const long across = yasps<m.tips.x.jacobian>_pull(p1, (long)p0[i * 2 + 0], turned, height, both);
+                    for (long r = 0; r < height; ++r)
+                        for (long c = 0; c < across; ++c) {
+                            local[(at[0] + r) * n + at[0] + c] += both[c * height + r];
+                        }
+                }
+                {
+                    double b[4], left[2];
+                    double turned[2], both[1];
+                    for (long r = 0; r < 2; ++r)
+                        for (long c = 0; c < 2; ++c)
+                            b[r * 2 + c] = middle[packed(4, 0 + r, 2 + c)][l];
+                    const long height = yasps<m.tips.x.jacobian>_pull(p1, (long)p0[i * 2 + 0], b, 2, left);
+                    for (long r = 0; r < height; ++r)
+                        for (long c = 0; c < 2; ++c)
+                            turned[c * height + r] = left[r * 2 + c];
+                    const long across = yasps<m.tips.x.jacobian>_pull(p1, (long)p0[i * 2 + 1], turned, height, both);
+                    for (long r = 0; r < height; ++r)
+                        for (long c = 0; c < across; ++c) {
+                            local[(at[0] + r) * n + at[1] + c] += both[c * height + r];
+                            local[(at[1] + c) * n + at[0] + r] += both[c * height + r];
+                        }
+                }
+                {
+                    double b[4], left[2];
+                    double turned[2], both[1];
+                    for (long r = 0; r < 2; ++r)
+                        for (long c = 0; c < 2; ++c)
+                            b[r * 2 + c] = middle[packed(4, 2 + (r < c ? r : c), 2 + (r < c ? c : r))][l];
+                    const long height = yasps<m.tips.x.jacobian>_pull(p1, (long)p0[i * 2 + 1], b, 2, left);
+                    for (long r = 0; r < height; ++r)
+                        for (long c = 0; c < 2; ++c)
+                            turned[c * height + r] = left[r * 2 + c];
+                    const long across = yasps<m.tips.x.jacobian>_pull(p1, (long)p0[i * 2 + 1], turned, height, both);
+                    for (long r = 0; r < height; ++r)
+                        for (long c = 0; c < across; ++c) {
+                            local[(at[1] + r) * n + at[1] + c] += both[c * height + r];
+                        }
+                }
+                {
+                    double v[2];
+                    for (long e = 0; e < 2; ++e) v[e] = gradient[0 + e][l];
+                    yasps<m.tips.x.jacobian>_curve(p1, (long)p0[i * 2 + 0], v, local + at[0] * (n + 1), n);
+                }
+                {
+                    double v[2];
+                    for (long e = 0; e < 2; ++e) v[e] = gradient[2 + e][l];
+                    yasps<m.tips.x.jacobian>_curve(p1, (long)p0[i * 2 + 1], v, local + at[1] * (n + 1), n);
+                }
+                const long changed = project_and_scatter(sink, sink->kappa + i * 2,
+                                                         sink->position + i * 3, 2, local, n);
+                if (changed < 0) return i;
+                *sink->projected += changed;
+            }
+        }
+        for (long l = 0; l < lanes; ++l) {
+            const long i = first + l;
+            const int* const kappa = sink->kappa + i * 2;
+            {
+                double b[2], rows[1];
+                for (long e = 0; e < 2; ++e) b[e] = gradient[0 + e][l];
+                yasps<m.tips.x.jacobian>_pull(p1, (long)p0[i * 2 + 0], b, 1, rows);
+                const double* row = rows;
+                for (long k = 0; k < 1; ++k) {
+                    if (!kappa[k]) continue;
+                    const long size = sink->block_size_at[kappa[k] - 1];
+                    for (long e = 0; e < size; ++e) sink->gradient[kappa[k] - 1 + e] += *row++;
+                }
+            }
+            {
+                double b[2], rows[1];
+                for (long e = 0; e < 2; ++e) b[e] = gradient[2 + e][l];
+                yasps<m.tips.x.jacobian>_pull(p1, (long)p0[i * 2 + 1], b, 1, rows);
+                const double* row = rows;
+                for (long k = 1; k < 2; ++k) {
+                    if (!kappa[k]) continue;
+                    const long size = sink->block_size_at[kappa[k] - 1];
+                    for (long e = 0; e < size; ++e) sink->gradient[kappa[k] - 1 + e] += *row++;
+                }
+            }
+            (void)i;
+        }
+    }
+    return -1;
+}

@@ -1,0 +1,30 @@
+// backend/kernel_prelude.h stands here
+
+extern "C" void yasps<stiff.v.x>_value(Arguments, long, double*);
+extern "C" long yasps<stiff.v.x.jacobian>_pull(Arguments, long, const double*, long, double*);
+extern "C" void yasps<both.v.x>_value(Arguments a, long i, double* out) {
+    const long* const p0 = (const long*)a[0];
+    const double* const p1 = (const double*)a[1];
+    Arguments const p2 = (Arguments)a[2];
+    const double* const p3 = (const double*)a[3];
+    if (i < p0[1]) { const long j = i - p0[0]; for (long e = 0; e < 3; ++e) out[e] = p1[j * 3 + e]; return; }
+    if (i < p0[2]) { const long j = i - p0[1]; yasps<stiff.v.x>_value(p2, j, out); return; }
+    if (i < p0[3]) { const long j = i - p0[2]; for (long e = 0; e < 3; ++e) out[e] = p3[j * 3 + e]; return; }
+}
+
+static inline long copy_rows(long rows, const double* b, long n, double* out) {
+    for (long k = 0; k < rows * n; ++k) out[k] = b[k];
+    return rows;
+}
+
+extern "C" long yasps<both.v.x>_pull(Arguments a, long i, const double* b, long n, double* out) {
+    const long* const p0 = (const long*)a[0];
+    const double* const p1 = (const double*)a[1];
+    Arguments const p2 = (Arguments)a[2];
+    const double* const p3 = (const double*)a[3];
+    Arguments const p4 = (Arguments)a[4];
+    if (i < p0[1]) { const long j = i - p0[0]; (void)j; return copy_rows(3, b, n, out); }
+    if (i < p0[2]) { const long j = i - p0[1]; (void)j; return yasps<stiff.v.x.jacobian>_pull(p4, j, b, n, out); }
+    if (i < p0[3]) { const long j = i - p0[2]; (void)j; return 0; }
+    return 0;
+}

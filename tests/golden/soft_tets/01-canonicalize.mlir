@@ -1,0 +1,44 @@
+builtin.module {
+  rel.scene @soft_tets {
+    rel.mesh @m in @soft_tets
+    rel.primitive @m.t in @m size 1 : i64
+    rel.primitive @m.v in @m size 4 : i64
+    rel.connectivity @m.t.corners from @m.t to @m.v arity 4 : i64
+    rel.storage @m.v.x on @m.v : tensor<3x1xf64>
+    rel.storage @m.v.mass on @m.v : tensor<1x1xf64> constant
+    rel.attribute @m.t.x on @m.t : tensor<4x3xf64> {
+      %0 = rel.join @m.v.x through @m.t.corners : tensor<4x3xf64>
+      rel.yield %0 : tensor<4x3xf64>
+    }
+    rel.attribute @m.t.swell on @m.t : tensor<1x1xf64> {
+      %0 = mat.constant {value = dense<5.000000e-01> : tensor<1x1xf64>} : () -> tensor<1x1xf64>
+      %x = rel.ref @m.t.x : tensor<4x3xf64>
+      %1 = mat.block %x {block = array<i64: 0, 0, 1, 3>} : (tensor<4x3xf64>) -> tensor<1x3xf64>
+      %2 = mat.block %x {block = array<i64: 3, 0, 1, 3>} : (tensor<4x3xf64>) -> tensor<1x3xf64>
+      %3 = mat.sub %2, %1 : (tensor<1x3xf64>, tensor<1x3xf64>) -> tensor<1x3xf64>
+      %4 = mat.block %x {block = array<i64: 2, 0, 1, 3>} : (tensor<4x3xf64>) -> tensor<1x3xf64>
+      %5 = mat.sub %4, %1 : (tensor<1x3xf64>, tensor<1x3xf64>) -> tensor<1x3xf64>
+      %6 = mat.block %x {block = array<i64: 1, 0, 1, 3>} : (tensor<4x3xf64>) -> tensor<1x3xf64>
+      %7 = mat.sub %6, %1 : (tensor<1x3xf64>, tensor<1x3xf64>) -> tensor<1x3xf64>
+      %8 = mat.concat_rows %7, %5, %3 : (tensor<1x3xf64>, tensor<1x3xf64>, tensor<1x3xf64>) -> tensor<3x3xf64>
+      %9 = mat.det %8 : (tensor<3x3xf64>) -> tensor<1x1xf64>
+      %10 = mat.sub %9, %0 : (tensor<1x1xf64>, tensor<1x1xf64>) -> tensor<1x1xf64>
+      %11 = mat.constant {value = dense<3.000000e+00> : tensor<1x1xf64>} : () -> tensor<1x1xf64>
+      %12 = mat.scale %11, %10 : (tensor<1x1xf64>, tensor<1x1xf64>) -> tensor<1x1xf64>
+      %13 = mat.scale %12, %10 : (tensor<1x1xf64>, tensor<1x1xf64>) -> tensor<1x1xf64>
+      rel.yield %13 : tensor<1x1xf64>
+    }
+    rel.attribute @m.v.gravity on @m.v : tensor<1x1xf64> {
+      %x = rel.data @m.v.x : tensor<3x1xf64>
+      %0 = mat.block %x {block = array<i64: 1, 0, 1, 1>} : (tensor<3x1xf64>) -> tensor<1x1xf64>
+      %mass = rel.data @m.v.mass : tensor<1x1xf64>
+      %1 = mat.constant {value = dense<9.800000e+00> : tensor<1x1xf64>} : () -> tensor<1x1xf64>
+      %2 = mat.scale %1, %mass : (tensor<1x1xf64>, tensor<1x1xf64>) -> tensor<1x1xf64>
+      %3 = mat.scale %2, %0 : (tensor<1x1xf64>, tensor<1x1xf64>) -> tensor<1x1xf64>
+      rel.yield %3 : tensor<1x1xf64>
+    }
+    rel.energy @m.t.swell projection "clamp"
+    rel.energy @m.v.gravity projection "clamp"
+    rel.target @m.v.x
+  }
+}

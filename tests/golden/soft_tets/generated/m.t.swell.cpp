@@ -1,0 +1,53 @@
+// backend/kernel_prelude.h stands here
+
+static inline void value_pack(const V* x0, V* y0) {
+    const V t13 = x0[0] - x0[9];
+    const V t14 = x0[1] - x0[10];
+    const V t15 = x0[2] - x0[11];
+    const V t16 = x0[0] - x0[6];
+    const V t17 = x0[1] - x0[7];
+    const V t18 = x0[2] - x0[8];
+    const V t19 = x0[0] - x0[3];
+    const V t20 = x0[1] - x0[4];
+    const V t21 = x0[2] - x0[5];
+    const V t22 = t15 * t17;
+    const V t23 = t14 * t18;
+    const V t24 = t22 - t23;
+    const V t25 = t15 * t16;
+    const V t26 = t13 * t18;
+    const V t27 = t25 - t26;
+    const V t28 = t14 * t16;
+    const V t29 = t13 * t17;
+    const V t30 = t28 - t29;
+    const V t31 = t19 * t24;
+    const V t32 = t20 * t27;
+    const V t33 = t21 * t30;
+    const V t34 = t31 - t32;
+    const V t35 = t33 + t34;
+    const V t36 = splat(0.5) + t35;
+    const V t38 = splat(3.0) * t36;
+    const V t39 = t36 * t38;
+    y0[0] = t39;
+}
+
+extern "C" void yasps<m.t.swell>_batch(Arguments a, long begin, long end, double* out) {
+    const int* const p0 = (const int*)a[0];
+    const double* const p1 = (const double*)a[1];
+    for (long first = begin; first < end; first += 8) {
+        const long lanes = end - first < 8 ? end - first : 8;
+        V r0[12];
+        for (long l = 0; l < 8; ++l) {
+            const long i = first + (l < lanes ? l : lanes - 1);
+            double g0[12];
+            for (long s = 0; s < 4; ++s) {
+                const long j = p0[i * 4 + s];
+                for (long e = 0; e < 3; ++e) (g0 + s * 3)[e] = p1[j * 3 + e];
+            }
+            for (long e = 0; e < 12; ++e) r0[e][l] = g0[e];
+        }
+        V y[1];
+        value_pack(r0, y);
+        for (long l = 0; l < lanes; ++l)
+            for (long e = 0; e < 1; ++e) out[(first + l) * 1 + e] = y[e][l];
+    }
+}

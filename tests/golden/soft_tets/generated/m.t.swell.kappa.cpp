@@ -1,0 +1,26 @@
+// backend/kernel_prelude.h stands here
+
+extern "C" void yasps<m.v.x.kappa>_value(Arguments, long, int*);
+static inline void value_index(const int* x0, int* y0) {
+    y0[0] = x0[0];
+    y0[1] = x0[1];
+    y0[2] = x0[2];
+    y0[3] = x0[3];
+}
+
+extern "C" void yasps<m.t.swell.kappa>_value(Arguments a, long i, int* out) {
+    const int* const p0 = (const int*)a[0];
+    Arguments const p1 = (Arguments)a[1];
+    int r0[4];
+    for (long s = 0; s < 4; ++s) {
+        const long j = p0[i * 4 + s];
+        yasps<m.v.x.kappa>_value(p1, j, (r0 + s * 1));
+    }
+    value_index(r0, out);
+}
+
+extern "C" void yasps<m.t.swell.kappa>_batch(Arguments a, long begin, long end, int* out) {
+    const int* const p0 = (const int*)a[0];
+    Arguments const p1 = (Arguments)a[1];
+    for (long i = begin; i < end; ++i) yasps<m.t.swell.kappa>_value(a, i, out + i * 4);
+}
