@@ -25,8 +25,7 @@ static inline long project_and_scatter(const yasps_sink* sink, const int* kappa,
     for (long k = 0; k < width * width; ++k) small[k] = 0.0;
     for (long r = 0; r < n; ++r)
         for (long c = 0; c < n; ++c) small[to[r] * width + to[c]] += hessian[r * n + c];
-    double* const upper =
-        (double*)__builtin_alloca_with_align(sizeof(double) * 8 * (width * (width + 1) / 2), 512);
+    double* const upper = (double*)__builtin_alloca_with_align(sizeof(double) * 8 * (width * (width + 1) / 2), 512);
     for (long r = 0, k = 0; r < width; ++r)
         for (long c = r; c < width; ++c, ++k) upper[k * 8] = small[r * width + c];
     const long changed = sink->project(upper, (int)width, 1, sink->mode);
@@ -39,8 +38,7 @@ static inline long project_and_scatter(const yasps_sink* sink, const int* kappa,
             const long rows = (a + 1 < leaves ? start[a + 1] : width) - start[a];
             const long cols = (b + 1 < leaves ? start[b + 1] : width) - start[b];
             for (long r = 0; r < rows; ++r)
-                for (long c = 0; c < cols; ++c)
-                    block[r * cols + c] = small[(start[a] + r) * width + start[b] + c];
+                for (long c = 0; c < cols; ++c) block[r * cols + c] = small[(start[a] + r) * width + start[b] + c];
             const long p = leaf[a], q = leaf[b];
             add_block(sink->blocks, position[p * capacity - p * (p - 1) / 2 + q - p], block, rows, cols);
         }

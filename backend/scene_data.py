@@ -123,8 +123,9 @@ def check_scene_data(module: ModuleOp, data: SceneData) -> None:
     for name in (*declared.primitives, *declared.unions):
         _present(name, data.sizes, "size")
     for name, members in declared.unions.items():
-        if data.sizes[name] != sum(data.sizes[member] for member in members):
-            raise SceneDataError(f"@{name} has {data.sizes[name]} instances, but its members have another number")
+        united = sum(data.sizes[member] for member in members)
+        if data.sizes[name] != united:
+            raise SceneDataError(f"@{name} has {data.sizes[name]} instances, but its members have {united}")
     for name, storage in declared.storages.items():
         _present(name, data.storages, "storage")
         shape = (data.sizes.get(name_of(storage.owner), 1), *storage_shape(storage))

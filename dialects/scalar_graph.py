@@ -41,6 +41,8 @@ class ScalarGraph:
         self.values: list[float] = []
         """Value of a constant node or power's exponent; position of an input node; 0 for all others."""
         self._known: dict[tuple[object, ...], Node] = {}
+        self._truths: set[Node] = set()
+        """Nodes that are 0 or 1 by a choice; as conditions they need no comparison with 0."""
         self.zero = self.constant(0.0)
         self.one = self.constant(1.0)
 
@@ -94,6 +96,8 @@ class ScalarGraph:
             return self.zero
         if a == self.zero:
             return self.neg(b)
+        if a == self.one and b in self._truths:
+            return self.select(b, self.zero, self.one)
         if self.kinds[a] == "constant" and self.kinds[b] == "constant":
             value = self.values[a] - self.values[b]
             if math.isfinite(value):
@@ -120,6 +124,8 @@ class ScalarGraph:
             return b
         if b == self.one:
             return a
+        if a in self._truths and b in self._truths:
+            return self.select(a, b, self.zero)
         kind_a, kind_b = self.kinds[a], self.kinds[b]
         if kind_a == "constant" and kind_b == "constant":
             value = self.values[a] * self.values[b]
@@ -195,6 +201,8 @@ class ScalarGraph:
             return self.constant(BINARY_FUNCTIONS[kind](self.values[a], self.values[b]))
         if kind == "atan2":
             return self._node(kind, (a, b))
+        if a in self._truths and b in self._truths:
+            return self.select(a, b, self.zero) if kind == "min" else self.select(a, self.one, b)
         return a if a == b else self._node(kind, (a, b) if a < b else (b, a))
 
     # -- choices -------------------------------------------------------------------------------------------
@@ -208,7 +216,7 @@ class ScalarGraph:
             return self.zero
         if self._is_negative(a) and self._is_negative(b):  # one comparison for a < b and -b < -a
             a, b = self.neg(b), self.neg(a)
-        return self._node("select", (self._node(kind, (a, b)), self.one, self.zero))
+        return self._choice(self._node(kind, (a, b)), self.one, self.zero)
 
     def _is_negative(self, a: Node) -> bool:
         return self.kinds[a] == "neg" or (self.is_constant(a) and self.values[a] <= 0.0)
@@ -223,7 +231,7 @@ class ScalarGraph:
             return self.select(self.arguments[condition][0], a, b)
         if self.kinds[condition] == "select":
             truth, first, second = self.arguments[condition]
-            if self.is_constant(first) or self.is_constant(second):  # a comparison, or "and", "or", "not" of some
+            if self.is_constant(first) or self.is_constant(second) or condition in self._truths:
                 return self._choice(truth, self.select(first, a, b), self.select(second, a, b))
         return self._choice(self._node("ne", (condition, self.zero)), a, b)
 
@@ -237,7 +245,10 @@ class ScalarGraph:
         negative = [self.kinds[x] == "neg" for x in (a, b)]
         if all(negative) or (any(negative) and self.zero in (a, b)):
             return self.neg(self._choice(truth, self.neg(a), self.neg(b)))
-        return self._node("select", (truth, a, b))
+        chosen = self._node("select", (truth, a, b))
+        if all(x in (self.zero, self.one) or x in self._truths for x in (a, b)):
+            self._truths.add(chosen)
+        return chosen
 
     # -- sums ----------------------------------------------------------------------------------------------
 
@@ -249,6 +260,27 @@ class ScalarGraph:
 
     def dot(self, left: Sequence[Node], right: Sequence[Node]) -> Node:
         return self.sum([self.mul(a, b) for a, b in zip(left, right, strict=True)])
+
+    def linear_terms(self, a: Node) -> dict[Node, float]:
+        """The node as a sum of multiples of nodes that are no sums themselves; a number is a multiple of one."""
+        terms: dict[Node, float] = {}
+        stack = [(a, 1.0)]
+        while stack:
+            node, factor = stack.pop()
+            kind, arguments = self.kinds[node], self.arguments[node]
+            if kind == "add":
+                stack += [(arguments[0], factor), (arguments[1], factor)]
+            elif kind == "sub":
+                stack += [(arguments[0], factor), (arguments[1], -factor)]
+            elif kind == "neg":
+                stack.append((arguments[0], -factor))
+            elif kind == "mul" and self.is_constant(arguments[0]):
+                stack.append((arguments[1], factor * self.values[arguments[0]]))
+            elif kind == "constant":
+                terms[self.one] = terms.get(self.one, 0.0) + factor * self.values[node]
+            else:
+                terms[node] = terms.get(node, 0.0) + factor
+        return terms
 
     def reachable(self, outputs: Sequence[Node]) -> list[Node]:
         """Nodes needed for the outputs, operands before users."""

@@ -1,8 +1,8 @@
 """A soft rabbit and a stiff one fall on each other and on the ground.
 
-The soft rabbit is stable Neo-Hookean, each vertex free; the stiff one is an affine body (9 + 3 unknowns). Contact is IPC's
-barrier, written once over the union of all vertices. Writes a ParaView series, a picture and a short animation, and checks
-that nothing intersects after every step.
+The soft rabbit is stable Neo-Hookean, each vertex free; the stiff one is an affine body (9 + 3 unknowns). Contact is
+IPC's barrier, written once over the union of all vertices. Writes a ParaView series, a picture and a short animation,
+and checks that nothing intersects after every step.
 """
 
 from __future__ import annotations
@@ -117,7 +117,8 @@ def add_weight_and_inertia(scene: Scene, vertices: Primitive, part: MovingPart, 
 def activation_distance(shape: TetrahedralMesh) -> float:
     """How near surfaces may come before they repel [m]: 1/200 of the size.
 
-    Less, down to 1/1000, for a surface with narrower gaps or thinner triangles, so that it does not repel itself at rest.
+    Less, down to 1/1000, for a surface with narrower gaps or thinner triangles, so that it does not repel itself at
+    rest.
     """
     largest, smallest = 5e-3 * SIZE, 1e-3 * SIZE
     geometry = CollisionGeometry(shape.vertices, shape.surface_triangles(), largest)

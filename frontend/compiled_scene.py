@@ -198,7 +198,8 @@ class CompiledScene:
             return
         if self.is_outgrown:
             raise ConnectivityError(
-                "a connectivity of variable arity now has more neighbours on an instance than the scene was compiled for; "
+                "a connectivity of variable arity now has more neighbours on an instance than the scene was compiled "
+                "for; "
                 "call scene.compile() again"
             )
         for owner in self.emitter.owners.values():

@@ -136,7 +136,8 @@ class Connectivity:
             )
         if not self.source.follows_data and lengths.size != self.source.num_instances:
             raise ConnectivityError(
-                f"{self.path} needs {self.source.num_instances} counts, one for each instance of {self.source.path}, got "
+                f"{self.path} needs {self.source.num_instances} counts, one for each instance of {self.source.path}, "
+                "got "
                 f"{lengths.size}"
             )
         rows = np.full((lengths.size, max(1, int(lengths.max(initial=0)))), -1, np.int64)

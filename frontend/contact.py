@@ -1,7 +1,7 @@
 """Intersection-free contact: IPC barrier energies over the vertices of a scene, whatever parameterises them.
 
-The energies are written once, over a primitive union of vertices; JOIN and UNION carry their derivatives to free vertices,
-affine bodies or anything else. Collision geometry (which pairs are close, how far a step may go) is ipctk's.
+The energies are written once, over a primitive union of vertices; JOIN and UNION carry their derivatives to free
+vertices, affine bodies or anything else. Collision geometry (which pairs are close, how far a step may go) is ipctk's.
 
 Li et al. 2020; paper, section 4.6.3 and eq. 8. Distances enter squared.
 """
@@ -96,8 +96,8 @@ class BarrierContact:
     mesh: where the primitives are added (and its constants `squared_reach` [m^2] and `stiffness` [J/m^4]).
     vertices: a primitive or union with a 3x1 attribute `position`. triangles: [m, 3] into it, the whole surface.
     activation_distance: pairs closer than this repel [m]. stiffness [J/m^4]: kappa of eq. 8.
-    fixed: [n] bool, vertices that never move. group: [n] int, pairs inside one group (of a stiff body, say) don't repel;
-    negative means no group. objects: name -> number of vertices in order, for messages.
+    fixed: [n] bool, vertices that never move. group: [n] int, pairs inside one group (of a stiff body, say) don't
+    repel; negative means no group. objects: name -> number of vertices in order, for messages.
 
     Raises SceneError, DataError, IntersectionError (if surfaces intersect now), ValueError for wrong shapes.
     """

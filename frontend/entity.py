@@ -247,7 +247,8 @@ class Entity(abc.ABC):
         if not through.is_variable:
             if operation is not None:
                 raise SceneError(
-                    f"{self.label}, attribute {name!r}: {through.path} has the fixed arity {through.arity} and takes no "
+                    f"{self.label}, attribute {name!r}: {through.path} has the fixed arity {through.arity} and takes "
+                    "no "
                     "operation; sum the rows of the JOIN instead"
                 )
             shape = (through.arity, source.shape[0] * source.shape[1])
@@ -260,7 +261,8 @@ class Entity(abc.ABC):
         if operation == "mean" and len(through.indices) and (through.indices[:, 0] < 0).any():
             lonely = int(np.flatnonzero(through.indices[:, 0] < 0)[0])
             raise ConnectivityError(
-                f"{self.label}, attribute {name!r}: instance {lonely} of {through.path} is connected to nothing, and there is "
+                f"{self.label}, attribute {name!r}: instance {lonely} of {through.path} is connected to nothing, and "
+                "there is "
                 'no mean of nothing; use operation="sum"'
             )
         return self._register(name, Attribute(self, source.shape, Joined(through, source, operation), name))

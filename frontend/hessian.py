@@ -15,7 +15,8 @@ from yasps.runtime.block_matrix import BlockMatrix
 
 @dataclass(frozen=True)
 class HessianBlock:
-    """All stored blocks of one shape: rows, cols [n] are the scalar offsets of their first entries; values [n, r, c]."""
+    """All stored blocks of one shape: rows, cols [n] are the scalar offsets of their first entries; values [n, r, "
+    "c]."""
 
     rows: NDArray[np.int32]
     cols: NDArray[np.int32]
@@ -25,8 +26,8 @@ class HessianBlock:
 class Hessian:
     """A symmetric block-sparse matrix, rows and columns in the order of the minimisation targets.
 
-    A copy: later solves don't change it. `blocks` holds the upper triangle (diagonal blocks in full); of one place there
-    may be several blocks (a static and a dynamic part), which add up.
+    A copy: later solves don't change it. `blocks` holds the upper triangle (diagonal blocks in full); of one place
+    there may be several blocks (a static and a dynamic part), which add up.
     """
 
     def __init__(self, parts: Sequence[BlockMatrix]) -> None:

@@ -1,8 +1,8 @@
 """Energies of deformable and stiff bodies, in joules, as expressions to read and copy.
 
 Every function takes attributes (or numbers) and returns a 1x1 attribute: the energy on one instance. The incremental
-potential of a backward Euler step of size dt is sum(inertia) + sum(everything else), all in joules: `inertia` is divided
-by dt^2, so nothing else is multiplied by it. Its minimiser is the next position.
+potential of a backward Euler step of size dt is sum(inertia) + sum(everything else), all in joules: `inertia` is
+divided by dt^2, so nothing else is multiplied by it. Its minimiser is the next position.
 """
 
 from __future__ import annotations
@@ -33,7 +33,8 @@ def lame_parameters(youngs_modulus: float, poisson_ratio: float) -> tuple[float,
 
 
 def stable_neo_hookean_parameters(youngs_modulus: float, poisson_ratio: float) -> tuple[float, float]:
-    """mu = 4/3 mu_Lame and lambda = lambda_Lame + 5/6 mu_Lame [Pa], for which `stable_neo_hookean` has these moduli at rest.
+    """mu = 4/3 mu_Lame and lambda = lambda_Lame + 5/6 mu_Lame [Pa], for which `stable_neo_hookean` has these moduli at
+    rest.
 
     Smith, de Goes and Kim 2018, section 3.4.
     """
@@ -42,7 +43,8 @@ def stable_neo_hookean_parameters(youngs_modulus: float, poisson_ratio: float) -
 
 
 def rest_shape(vertices: ArrayLike, tets: ArrayLike) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """For tets at rest: inverse of the matrix whose columns are the edges from vertex 0, [m, 3, 3] in 1/m, and volume [m].
+    """For tets at rest: inverse of the matrix whose columns are the edges from vertex 0, [m, 3, 3] in 1/m, and volume
+    [m].
 
     Raises ShapeMismatchError for wrong shapes, SceneError for a tet of no or negative volume.
     """
@@ -54,7 +56,8 @@ def rest_shape(vertices: ArrayLike, tets: ArrayLike) -> tuple[NDArray[np.float64
     inverted = np.flatnonzero(~(volumes > 0))
     if inverted.size:
         raise SceneError(
-            f"tet {inverted[0]} has volume {volumes[inverted[0]]:.3g} at rest ({inverted.size} tets are flat or inverted); "
+            f"tet {inverted[0]} has volume {volumes[inverted[0]]:.3g} at rest ({inverted.size} tets are flat or "
+            "inverted); "
             "a tet's vertices 1, 2, 3 must turn counter-clockwise seen from vertex 0's far side"
         )
     return np.linalg.inv(edges), volumes
@@ -93,7 +96,8 @@ def baraff_witkin(deformation: Attribute, stretch: Scalar, shear: Scalar, area: 
     """
     if deformation.shape != (3, 2):
         raise ShapeMismatchError(
-            f"cloth has a 3x2 deformation gradient, got {deformation.path} {deformation.shape}; see `triangle_deformation`"
+            f"cloth has a 3x2 deformation gradient, got {deformation.path} {deformation.shape}; see "
+            "`triangle_deformation`"
         )
     u, v = deformation.col(0), deformation.col(1)
     along_u, along_v, tilt = u.norm() - 1, v.norm() - 1, u.dot(v)

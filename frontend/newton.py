@@ -1,7 +1,7 @@
 """Time stepping by projected Newton with an intersection-free line search (Li et al. 2020, algorithm 1).
 
-`minimize` finds a minimum of a scene's energy; `BackwardEuler` makes time steps of it. Both are short on purpose: copy and
-change them when your scene needs something else. The compiler knows nothing of them.
+`minimize` finds a minimum of a scene's energy; `BackwardEuler` makes time steps of it. Both are short on purpose: copy
+and change them when your scene needs something else. The compiler knows nothing of them.
 """
 
 from __future__ import annotations
@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from yasps.frontend.attribute import Attribute, FloatArray
+from yasps.frontend.collision_geometry import Candidates
 from yasps.frontend.contact import BarrierContact
 from yasps.frontend.errors import NotConvergedError, SceneError
 from yasps.frontend.progress import TimeTable
@@ -80,6 +81,7 @@ def minimize(
     scene: Scene,
     positions: Sequence[Attribute],
     time_step: float,
+    *,
     contact: BarrierContact | None = None,
     settings: NewtonSettings = NewtonSettings(),
     times: TimeTable | None = None,
@@ -87,95 +89,107 @@ def minimize(
     """Moves the scene's targets to a minimum of its energy, without intersections on the way.
 
     positions: 3x1 attributes whose movement is measured (and, with contact, bounded; they are contact.position then).
-    Stops when the Newton direction moves no vertex by settings.velocity_tolerance * time_step; that last direction is not
-    taken. Each step is bounded by CCD and halved until the energy does not grow (but for rounding).
+    Stops when the Newton direction moves no vertex by settings.velocity_tolerance * time_step; that last direction is
+    not taken. Each step is bounded by CCD and halved until the energy does not grow (but for rounding).
 
-    Raises NotConvergedError after settings.max_iterations, or when the linear solver or the line search fails; the targets
-    then have the last accepted values.
+    Raises NotConvergedError after settings.max_iterations, or when the linear solver or the line search fails; the
+    targets then have the last accepted values.
     """
-    times = times or TimeTable()
-    report = NewtonReport()
     measured = [contact.position] if contact is not None else list(positions)
-    compiled = scene.compile()
-    while True:
-        with times.stage("positions"):
-            before = positions_of(measured)
-        if contact is not None:
-            with times.stage("contact: active set"):
-                report.contacts = len(contact.update(before))
-        with times.stage("energy"):
-            energy = scene.total_energy()
-        if not np.isfinite(energy):
-            raise NotConvergedError(f"the energy is {energy} at the start of Newton iteration {report.iterations}")
-        report.energy = energy
-        with times.stage("derivatives and assembly"):
-            gradient = compiled.assemble()
-        with times.stage("linear solver"):
-            x, solved = compiled.solve_linear(gradient, settings.linear_tolerance, settings.linear_max_iterations)
-        report.cg_iterations += solved.iterations
-        report.iterations += 1
-        if not solved.converged:
-            raise NotConvergedError(f"Newton iteration {report.iterations}: the linear solver stopped: {solved}")
-        directions = compiled.split(x)
-        motion = Motion(scene)
-        with times.stage("positions"):
+    return _Minimization(scene, measured, time_step, contact, settings, times or TimeTable()).run()
+
+
+@dataclass
+class _Minimization:
+    """One run of `minimize`."""
+
+    scene: Scene
+    measured: list[Attribute]
+    time_step: float
+    contact: BarrierContact | None
+    settings: NewtonSettings
+    times: TimeTable
+    report: NewtonReport = field(default_factory=NewtonReport)
+
+    def positions(self) -> FloatArray:
+        with self.times.stage("positions"):
+            return positions_of(self.measured)
+
+    def find_contacts(self, positions: FloatArray, candidates: Candidates | None = None) -> None:
+        """Gives the scene the pairs that are close at these positions."""
+        if self.contact is not None:
+            with self.times.stage("contact: active set"):
+                self.report.contacts = len(self.contact.update(positions, candidates))
+
+    def energy(self) -> float:
+        with self.times.stage("energy"):
+            return self.scene.total_energy()
+
+    def run(self) -> NewtonReport:
+        """Newton iterations until the direction is short."""
+        report, settings = self.report, self.settings
+        while True:
+            before = self.positions()
+            self.find_contacts(before)
+            report.energy = self.energy()
+            if not np.isfinite(report.energy):
+                raise NotConvergedError(
+                    f"the energy is {report.energy} at the start of Newton iteration {report.iterations + 1}"
+                )
+            directions = self.direction()
+            motion = Motion(self.scene)
             motion.move(directions, 1.0)
-            after = positions_of(measured)
-        report.largest_velocity = float(np.linalg.norm(after - before, axis=1).max(initial=0.0)) / time_step
-        if report.largest_velocity < settings.velocity_tolerance:
-            motion.write(motion.start)
-            if contact is not None:
-                contact.update(before)
-            return report
-        _line_search(scene, motion, directions, energy, before, after, contact, settings, times, report)
-        if report.iterations >= settings.max_iterations:
-            raise NotConvergedError(
-                f"no convergence in {settings.max_iterations} Newton iterations: the last direction still moved a vertex at "
-                f"{report.largest_velocity:.3g} m/s (tolerance {settings.velocity_tolerance:.3g})"
-            )
+            after = self.positions()
+            report.largest_velocity = float(np.linalg.norm(after - before, axis=1).max(initial=0.0)) / self.time_step
+            if report.largest_velocity < settings.velocity_tolerance:
+                motion.write(motion.start)
+                return report
+            self.line_search(motion, directions, before, after)
+            if report.iterations >= settings.max_iterations:
+                raise NotConvergedError(
+                    f"no convergence in {settings.max_iterations} Newton iterations: the last direction still moved a "
+                    f"vertex at {report.largest_velocity:.3g} m/s (tolerance {settings.velocity_tolerance:.3g})"
+                )
 
+    def direction(self) -> list[FloatArray]:
+        """x of H x = g for every target."""
+        compiled = self.scene.compile()
+        with self.times.stage("derivatives and assembly"):
+            gradient = compiled.assemble()
+        with self.times.stage("linear solver"):
+            settings = self.settings
+            x, solved = compiled.solve_linear(gradient, settings.linear_tolerance, settings.linear_max_iterations)
+        self.report.cg_iterations += solved.iterations
+        self.report.iterations += 1
+        if not solved.converged:
+            raise NotConvergedError(f"Newton iteration {self.report.iterations}: the linear solver stopped: {solved}")
+        return compiled.split(x)
 
-def _line_search(
-    scene: Scene,
-    motion: Motion,
-    directions: Sequence[FloatArray],
-    energy: float,
-    before: FloatArray,
-    after: FloatArray,
-    contact: BarrierContact | None,
-    settings: NewtonSettings,
-    times: TimeTable,
-    report: NewtonReport,
-) -> None:
-    """Takes the longest step of 1, 1/2, 1/4, ... times the collision-free bound that does not raise the energy."""
-    step = 1.0
-    candidates = None
-    if contact is not None:
-        with times.stage("contact: candidates"):
-            candidates = contact.geometry.candidates(before, after)
-        with times.stage("contact: CCD"):
-            step = contact.geometry.step_bound(before, after, candidates, start_is_free=True)
-    while step > settings.shortest_step:
-        motion.move(directions, step)
-        if contact is not None:
-            with times.stage("positions"):
-                now = contact.positions()
-            with times.stage("contact: active set"):
-                contact.update(now, candidates)
-        with times.stage("energy"):
-            trial = scene.total_energy()
-        if trial <= energy + ROUNDING * abs(energy):
-            report.step_lengths.append(step)
-            return
-        step /= 2
-    motion.write(motion.start)
-    if contact is not None:
-        contact.update(before)
-    raise NotConvergedError(
-        f"Newton iteration {report.iterations}: no step along the Newton direction lowers the energy {energy:.6g} J (the "
-        f"direction moves a vertex at {report.largest_velocity:.3g} m/s); a smaller linear_tolerance or a larger "
-        "velocity_tolerance may help"
-    )
+    def line_search(
+        self, motion: Motion, directions: Sequence[FloatArray], before: FloatArray, after: FloatArray
+    ) -> None:
+        """Takes the longest step of 1, 1/2, 1/4, ... times the collision-free bound that does not raise the energy."""
+        step, candidates, energy = 1.0, None, self.report.energy
+        if self.contact is not None:
+            with self.times.stage("contact: candidates"):
+                candidates = self.contact.geometry.candidates(before, after)
+            with self.times.stage("contact: CCD"):
+                step = self.contact.geometry.step_bound(before, after, candidates, start_is_free=True)
+        while step > self.settings.shortest_step:
+            motion.move(directions, step)
+            if self.contact is not None:
+                self.find_contacts(self.positions(), candidates)
+            if self.energy() <= energy + ROUNDING * abs(energy):
+                self.report.step_lengths.append(step)
+                return
+            step /= 2
+        motion.write(motion.start)
+        self.find_contacts(before)
+        raise NotConvergedError(
+            f"Newton iteration {self.report.iterations}: no step along the Newton direction lowers the energy "
+            f"{energy:.6g} J (the direction moves a vertex at {self.report.largest_velocity:.3g} m/s); a smaller "
+            "linear_tolerance or a larger velocity_tolerance may help"
+        )
 
 
 @dataclass(frozen=True)
@@ -191,8 +205,8 @@ class BackwardEuler:
     """Steps a scene through time; the scene's energies must include `materials.inertia` of every part.
 
     accelerations: target -> uniform acceleration [m/s^2] of that target in free flight (gravity for positions and
-    translations; nothing for matrices). The first guess of a step, x_n + dt v_n + dt^2 a, is then the exact solution for
-    bodies that fly freely. It is only taken where no collision is on the way and the energy is lower than at x_n.
+    translations; nothing for matrices). The first guess of a step, x_n + dt v_n + dt^2 a, is then the exact solution
+    for bodies that fly freely. It is only taken where no collision is on the way and the energy is lower than at x_n.
     """
 
     def __init__(
@@ -228,7 +242,7 @@ class BackwardEuler:
             part.predicted.update_value(x + dt * v)
         self._take_first_guess(old_targets)
         moving = [part.position for part in self.parts]
-        report = minimize(self.scene, moving, dt, self.contact, self.settings, self.times)
+        report = minimize(self.scene, moving, dt, contact=self.contact, settings=self.settings, times=self.times)
         for k, (part, x) in enumerate(zip(self.parts, old_positions, strict=True)):
             self.velocities[k] = (positions_of([part.position]) - x) / dt
         new_targets = Motion(self.scene).start

@@ -248,11 +248,11 @@ class Scene(Entity):
     def mixed_hessian(
         self, targets: Attribute | Sequence[Attribute], parameters: Attribute | Sequence[Attribute]
     ) -> sparse.csr_array[np.float64]:
-        """Second derivatives d^2 E / (d targets d parameters), exact: one row for each scalar of the targets, one column
-        for each of the parameters, in the order given.
+        """Second derivatives d^2 E / (d targets d parameters), exact: one row for each scalar of the targets, one
+        column for each of the parameters, in the order given.
 
-        targets and parameters: stored attributes, of add_attribute or add_constant. This is the ground of inverse problems:
-        at a minimum x(p) of E, H dx/dp = -mixed_hessian(x, p).
+        targets and parameters: stored attributes, of add_attribute or add_constant. This is the ground of inverse
+        problems: at a minimum x(p) of E, H dx/dp = -mixed_hessian(x, p).
 
         Raises SceneError for computed, foreign or repeated attributes, or without energies.
         """

@@ -185,11 +185,7 @@ def jacobian(b: MatBuilder, outputs: Sequence[SSAValue], inputs: Sequence[SSAVal
     return directional(
         b,
         outputs,
-        [
-            {**held, value: b.unit(shape_of(value), position)}
-            for value in inputs
-            for position in range(size_of(value))
-        ],
+        [{**held, value: b.unit(shape_of(value), position)} for value in inputs for position in range(size_of(value))],
     )
 
 

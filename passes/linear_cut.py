@@ -70,7 +70,8 @@ def linear_cut(dependence: DependenceMap, inputs: list[SSAValue]) -> list[SSAVal
 
 @dataclass(frozen=True)
 class ConstantMap:
-    """Values that depend on the inputs by a constant matrix of low rank: values = expand basis + c, basis = rows inputs."""
+    """Values that depend on the inputs by a constant matrix of low rank: values = expand basis + c, basis = rows "
+    "inputs."""
 
     values: list[SSAValue]
     expand: NDArray[np.float64]
@@ -82,8 +83,8 @@ class ConstantMap:
 def constant_map(dependence: DependenceMap, inputs: list[SSAValue], narrower_than: int) -> ConstantMap | None:
     """How the energy sees its inputs, if that is by constant coefficients of a rank below `narrower_than`.
 
-    So a hinge or a pair of triangles written with more differences than are independent is still projected at the width of
-    the independent ones: 9, not 12.
+    So a hinge or a pair of triangles written with more differences than are independent is still projected at the
+    width of the independent ones: 9, not 12.
     """
     values = used_nonlinearly(dependence)
     scratch = MatBuilder(Block())

@@ -35,6 +35,7 @@ from yasps.dialects.rel import (
     packed_size,
 )
 from yasps.dialects.scalar_graph import Node, ScalarGraph
+from yasps.dialects.scalar_tidying import tidied
 from yasps.passes.bodies import BodyBuilder, containers
 from yasps.passes.dependence import size_of
 from yasps.passes.errors import working_on
@@ -195,6 +196,7 @@ def _call(
                     graph.values[graph.input(position + k)] = float(renumbered + k)
             renumbered += size
         position += size
+    graph, flat = tidied(graph, flat)
     types = [element] * renumbered
     container.body.block.add_op(_function(name, graph, types, flat, element))
     result_shapes = shapes or [(len(part), 1) for part in outputs]

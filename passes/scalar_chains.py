@@ -1,8 +1,8 @@
 """Numbers computed from few other numbers: their derivatives are made once, not once for every direction.
 
 Between an energy and its matrices there is often a chain of 1x1 values, as between a squared distance and its barrier.
-Forward mode would walk the chain again for every direction; but a number v = f(u, w) has the tangent f_u u' + f_w w', and
-f_u and f_w are the same for all directions.
+Forward mode would walk the chain again for every direction; but a number v = f(u, w) has the tangent f_u u' + f_w w',
+and f_u and f_w are the same for all directions.
 """
 
 from __future__ import annotations
@@ -25,8 +25,8 @@ Partial = Callable[[SSAValue, SSAValue, Collection[SSAValue]], SSAValue | None]
 class ScalarChains:
     """Slopes of 1x1 values with respect to the 1x1 values they are computed from.
 
-    inputs: values whose tangents are given, where every chain ends. partial(v, u, front): derivative of v with respect to
-    u, the others of the front held; None for zero.
+    inputs: values whose tangents are given, where every chain ends. partial(v, u, front): derivative of v with respect
+    to u, the others of the front held; None for zero.
     """
 
     def __init__(self, inputs: Collection[SSAValue], partial: Partial) -> None:
@@ -44,7 +44,8 @@ class ScalarChains:
         return self._known[value]
 
     def _front(self, value: SSAValue) -> list[SSAValue] | None:
-        """The narrowest set of numbers that value is a function of; of equally narrow ones the nearest to the inputs."""
+        """The narrowest set of numbers that value is a function of; of equally narrow ones the nearest to the "
+        "inputs."""
         if not self._in_chain(value):
             return None
         front, best = self._operands(value), None

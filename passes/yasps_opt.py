@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from argparse import ArgumentParser
 from collections.abc import Callable, Sequence
+from typing import IO
 
 from xdsl.dialects.builtin import ModuleOp
 from xdsl.ir import Dialect
@@ -64,6 +65,13 @@ class YaspsOptMain(xDSLOptMain):
                 theirs(previous, module, following)
 
         self.pipeline = PassPipeline(self.pipeline.passes, callback)
+
+    def prepare_input(self) -> tuple[list[tuple[IO[bytes], int]], str]:
+        """As upstream; raises CompileError for a file that does not end in `.mlir`."""
+        try:
+            return super().prepare_input()
+        except ValueError as error:
+            raise CompileError(str(error)) from error
 
     def apply_passes(self, prog: ModuleOp) -> None:
         """Applies the passes in order; raises CompileError."""

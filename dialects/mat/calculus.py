@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import cache
 from typing import ClassVar, cast
 
 import numpy as np
@@ -61,8 +62,48 @@ class CongruenceOp(MatOp):
         middle, linear = inputs
         symmetric = [[middle[min(i, j) * inner + max(i, j)] for j in range(inner)] for i in range(inner)]
         columns = [linear[j::outer] for j in range(outer)]
+        dependent = _columns_that_complete_zero(s, columns)
+        # Of two columns s is applied to the one that begins lower: if l is made of blocks, whole blocks are never
+        # needed.
+        starts = [next((i for i, node in enumerate(column) if node != s.zero), inner) for column in columns]
         applied = [[s.dot(row, column) for row in symmetric] for column in columns]
-        return [s.dot(columns[min(i, j)], applied[max(i, j)]) for i in range(outer) for j in range(outer)]
+
+        @cache
+        def entry(i: int, j: int) -> Node:
+            for a, b in ((i, j), (j, i)):
+                if a in dependent:
+                    return s.neg(s.sum([entry(*sorted((k, b))) for k in dependent[a]]))
+            a, b = sorted((i, j), key=lambda k: (starts[k], k))
+            return s.dot(columns[a], applied[b])
+
+        return [entry(min(i, j), max(i, j)) for i in range(outer) for j in range(outer)]
+
+
+def _columns_that_complete_zero(s: ScalarGraph, columns: Sequence[Sequence[Node]]) -> dict[int, list[int]]:
+    """Columns that are minus the sum of others, and those others: a map that sees no translation has three.
+
+    Looked for among columns that are connected by rows, of each such family the fullest.
+    """
+    families: list[tuple[set[int], list[int]]] = []
+    for j, column in enumerate(columns):
+        rows = {i for i, node in enumerate(column) if node != s.zero}
+        met = [family for family in families if family[0] & rows]
+        families = [family for family in families if not family[0] & rows]
+        families.append((rows.union(*[r for r, _ in met]), [*[k for _, members in met for k in members], j]))
+    found = {}
+    for rows, members in families:
+        if len(members) > 1 and all(_adds_up_to_zero(s, [columns[j][i] for j in members]) for i in rows):
+            fullest = max(members, key=lambda j: sum(node != s.zero for node in columns[j]))
+            found[fullest] = [j for j in members if j != fullest]
+    return found
+
+
+def _adds_up_to_zero(s: ScalarGraph, nodes: Sequence[Node]) -> bool:
+    total: dict[Node, float] = {}
+    for node in nodes:
+        for atom, factor in s.linear_terms(node).items():
+            total[atom] = total.get(atom, 0.0) + factor
+    return not any(total.values())
 
 
 @irdl_op_definition

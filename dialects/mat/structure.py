@@ -270,7 +270,7 @@ class _ConcatOp(MatOp):
         return self.operands[0] if len(self.operands) == 1 else None
 
     def evaluate(self, *inputs: Batch) -> Batch:
-        count = max(len(part) for part in inputs)
+        (count,) = np.broadcast_shapes(*[(len(part),) for part in inputs])  # 0 where a primitive is empty
         parts = [np.broadcast_to(part, (count, *part.shape[1:])) for part in inputs]
         return np.concatenate(parts, axis=self.AXIS + 1)
 

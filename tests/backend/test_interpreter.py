@@ -11,8 +11,10 @@ from xdsl.dialects.builtin import FloatAttr, f64
 from xdsl.ir import Block, Region
 
 from yasps import Scene
-from yasps.backend.cpp_function import CALLS, INFIX, function_text
-from yasps.backend.interpreter import SCALAR_OPERATIONS, Interpreter, run_function
+from yasps.backend import cpp_function
+from yasps.backend.cpp_function import CALLS, CHOICES, INFIX, function_text
+from yasps.backend.interpreter import COMPARISONS, SCALAR_OPERATIONS, Interpreter, run_function
+from yasps.passes import lower_to_scalar
 from yasps.passes.lower_to_scalar import BINARY, UNARY
 
 
@@ -56,9 +58,10 @@ def test_assembly_by_hand() -> None:
 
 def test_every_scalar_operation_has_a_meaning_and_a_text() -> None:
     """What `lower-to-scalar` may write, the interpreter and the C++ emitter know."""
-    written = {*BINARY.values(), *UNARY.values(), math.PowFOp}
+    written = {*BINARY.values(), *UNARY.values(), math.PowFOp, arith.SelectOp}
     assert set(SCALAR_OPERATIONS) == written
-    assert {*INFIX, *CALLS, arith.NegfOp} == written
+    assert {*INFIX, *CALLS, *CHOICES, arith.NegfOp} == written
+    assert set(COMPARISONS) == set(cpp_function.COMPARISONS) == set(lower_to_scalar.COMPARISONS.values())
 
 
 def test_a_scalar_function_as_text() -> None:
@@ -87,8 +90,8 @@ def test_a_scalar_function_as_text() -> None:
 
 def test_an_operation_without_a_text_is_named() -> None:
     block = Block(arg_types=[f64])
-    absolute = math.AbsFOp(block.args[0])
-    block.add_ops([absolute, func.ReturnOp(absolute.result)])
+    rounded = math.FloorOp(block.args[0])
+    block.add_ops([rounded, func.ReturnOp(rounded.result)])
     function = func.FuncOp("f", ([f64], [f64]), Region(block))
-    with pytest.raises(ValueError, match=r"the C\+\+ emitter does not know math\.absf"):
+    with pytest.raises(ValueError, match=r"the C\+\+ emitter does not know math\.floor"):
         function_text(function, "f", "double", [1], [1])

@@ -271,6 +271,10 @@ def test_a_choice_by_a_comparison_is_one_selection(graph: ScalarGraph) -> None:
         graph.select(first, second, graph.zero),
         graph.select(first, graph.one, second),
         graph.select(first, graph.zero, second),
+        graph.mul(first, second),
+        graph.mul(second, graph.sub(graph.one, first)),
+        graph.binary("min", first, second),
+        graph.binary("max", second, first),
     ):
         chosen = graph.select(condition, x, z)
         reached = graph.reachable([chosen])

@@ -16,8 +16,9 @@ _SLOW = [HealthCheck.too_slow, HealthCheck.data_too_large, HealthCheck.filter_to
 
 def register() -> None:
     """Makes both profiles known; raises ValueError if the variable names another one."""
-    settings.register_profile("ci", deadline=None, derandomize=True, database=None, suppress_health_check=_SLOW)
-    settings.register_profile("nightly", deadline=None, print_blob=True, suppress_health_check=_SLOW)
+    common = settings(deadline=None, report_multiple_bugs=False, suppress_health_check=_SLOW)
+    settings.register_profile("ci", common, derandomize=True, database=None)
+    settings.register_profile("nightly", common, print_blob=True)
     if PROFILE not in ("ci", "nightly"):
         raise ValueError(f"YASPS_HYPOTHESIS_PROFILE is {PROFILE!r}; it must be ci or nightly")
 

@@ -10,7 +10,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
-import numpy as np
 from hypothesis import strategies as st
 
 from yasps import Scene
@@ -75,6 +74,7 @@ class _Writer:
         self.factor: str | None = None
         self.made = 0
         self.energies = 0
+        self.projections: tuple[str, ...] = draw(st.sampled_from((("none",), ("clamp", "abs"), ("none", "clamp", "abs"))))
 
     # -- words ---------------------------------------------------------------------------------------------
 
@@ -223,6 +223,23 @@ class _Writer:
         self.write(f'{name}.add_attribute("x", computed_attribute={value}{self.around(mesh)})')
         self.layers.append(Layer(name, count, mesh))
 
+    def neighbours(self) -> None:
+        """Points that are sums or means over any number of those of another layer."""
+        layer = self.choice(*self.full_layers())
+        count, operation = self.choice(2, 1, 3), self.choice("sum", "mean")
+        name, mesh = self.primitive("n", count)
+        fewest = 1 if operation == "mean" else 0
+        row = st.lists(st.integers(0, layer.count - 1), min_size=fewest, max_size=3)
+        rows = self.draw(st.lists(row, min_size=count, max_size=count))
+        flat, lengths = [index for indices in rows for index in indices], [len(indices) for indices in rows]
+        j = self.fresh("j")
+        self.write(f'{j}c = {name}.add_connectivity("{j}c", {layer.name}, {flat}, {lengths})')
+        through = f'through={j}c, source={layer.name}["x"], operation="{operation}"'
+        self.write(f'{j} = {name}.add_attribute("{j}", {through})')
+        value = self.choice(j, f"0.5 * {j} - {j}.hadamard({j})")
+        self.write(f'{name}.add_attribute("x", computed_attribute={value}{self.around(mesh)})')
+        self.layers.append(Layer(name, count, mesh))
+
     def union(self) -> None:
         """A union of layers, unions among them; sometimes with a layer computed from it."""
         members = self.draw(
@@ -251,10 +268,8 @@ class _Writer:
             f"(0.5 * {y}.sum() - {z}.dot({z})).exp()",
             f"(0.25 + ({y} - 2.0 * {z}).dot({y} - 2.0 * {z})).sqrt() - {y}.dot({y})",
             f"({y} * {z}.T).trace() * {y}[0] + ({y} * {y}.T + 0.5 * {z} * {z}.T)[0, -1]",
-            "2.5 * constant",
+            f"{z}[0]",
         )
-        if value == "2.5 * constant":
-            value = f"2.5 * {y}.stop_gradient().sum() + 1.5 * {z}.sum()" if self.choice(False, True) else f"{z}[0]"
         if self.factor and self.choice(False, True):
             value = f"{self.factor} * ({value})"
         if mesh in self.shifts and self.choice(False, True):
@@ -262,7 +277,7 @@ class _Writer:
         return value
 
     def add_energy(self, owner: str, value: str, dynamic: bool = False) -> None:
-        projection = self.choice("none", "clamp", "abs")
+        projection = self.choice(*self.projections)
         self.energies += 1
         name = f"E{self.energies}"
         self.write(f'{name} = {owner}.add_attribute("{name}", computed_attribute={value})')
@@ -311,9 +326,6 @@ class _Writer:
         self.write(f"s.add_minimize_target([{', '.join(order)}])")
 
 
-MOST_UNKNOWNS = 60
-
-
 @st.composite
 def scenes(draw: st.DrawFn) -> SceneProgram:
     """Programs of scenes with up to seven layers and three energies."""
@@ -329,6 +341,7 @@ def scenes(draw: st.DrawFn) -> SceneProgram:
             writer.parameterised,
             writer.embedded,
             writer.union,
+            writer.neighbours,
             writer.dynamic,
         )()
     for _ in range(draw(st.integers(1, 3))):

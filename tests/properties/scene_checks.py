@@ -150,28 +150,15 @@ def check_kernels(scene: Scene, runtime: Runtime) -> CompiledScene:
     emitted = emit(scene)
     interpreter = Interpreter(compiled.module, emitted.data)
     assert_close(compiled.total_energy(), interpreter.total_energy(), "energy of the kernels", 1e-12)
-    for project in (True, False):
-        gradient = compiled.assemble(project=project)
-        hessian = (compiled.static_matrix.to_scipy() + compiled.dynamic_matrix.to_scipy()).toarray()
-        if project:
-            wanted_gradient, wanted = assemble(compiled.module, emitted.data)
-        else:
-            wanted_gradient, wanted = assemble(stages_of(_without_projection(scene))[1]["outline-modules"], emitted.data)
-        assert_close(gradient, wanted_gradient, "gradient of the kernels")
-        assert_close(hessian, wanted, f"Hessian of the kernels, project={project}")
+    gradient = compiled.assemble()
+    hessian = (compiled.static_matrix.to_scipy() + compiled.dynamic_matrix.to_scipy()).toarray()
+    wanted_gradient, wanted = assemble(compiled.module, emitted.data)
+    assert_close(gradient, wanted_gradient, "gradient of the kernels")
+    assert_close(hessian, wanted, "Hessian of the kernels")
     assert_close(compiled.assemble(hessian=False), gradient, "gradient alone")
-    along = directions(len(gradient))
-    differentiated = stages_of(scene)[1]["differentiate"]
-    bends = [
-        Interpreter(differentiated, stepped(emitted, direction)).gradient().imag / STEP for direction in along.T
-    ]
-    assert_close((hessian @ along).T, bends, "Hessian of the kernels against complex steps")
+    if all(term.projection == "none" for term in scene._energies):
+        along = directions(len(gradient))
+        moved = [stepped(emitted, direction) for direction in along.T]
+        bends = [Interpreter(compiled.module, numbers).gradient().imag / STEP for numbers in moved]
+        assert_close((hessian @ along).T, bends, "Hessian of the kernels against complex steps")
     return compiled
-
-
-def _without_projection(scene: Scene) -> Scene:
-    """The same scene, with energies of no projection; only to be emitted, never compiled."""
-    other = object.__new__(Scene)
-    other.__dict__.update(scene.__dict__)
-    other._energies = [dataclasses.replace(term, projection="none") for term in scene._energies]
-    return other
