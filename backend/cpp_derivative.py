@@ -35,7 +35,7 @@ def derivative_body(text: _ObjectText, derivative: DerivativeOp) -> list[str]:
     derive = terminator.gradient.owner
     assert isinstance(derive, ApplyOp)
     entries = shape_of(derive.values[1])[0] if terminator.hessian is not None else 0
-    project = _projection(terminator)
+    project = _projection(derivative)
     curved = derivative.curved is not None
     if project is not None and not curved:
         return _in_batches(text, terminator, derive, project, slots)
@@ -63,14 +63,9 @@ def indented(lines: list[str]) -> list[str]:
     return [f"    {line}" for line in lines]
 
 
-def _projection(terminator: YieldDerivativeOp) -> ProjectOp | None:
-    """The projection between the derivatives and the Hessian, if there is one."""
-    if terminator.hessian is None:
-        return None
-    producer = terminator.hessian.owner
-    if isinstance(producer, ApplyOp):
-        producer = next((v.owner for v in producer.inputs if isinstance(v.owner, ProjectOp)), producer)
-    return producer if isinstance(producer, ProjectOp) else None
+def _projection(derivative: DerivativeOp) -> ProjectOp | None:
+    """The projection between the derivatives and the Hessian, if there is one; a Hessian that is zero may not read it."""
+    return next((op for op in derivative.body.block.ops if isinstance(op, ProjectOp)), None)
 
 
 def _derive(text: _ObjectText, derive: ApplyOp, n: int, entries: int, declarations: list[str]) -> list[str]:

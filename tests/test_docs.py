@@ -10,7 +10,7 @@ from xdsl.parser import Parser
 
 from yasps.dialects.mat import OPERATIONS
 from yasps.examples import two_bunnies
-from yasps.frontend import errors
+from yasps.frontend import errors, yasps_opt
 from yasps.passes.pipeline import PIPELINE, make_context
 
 ROOT = Path(__file__).parents[1]
@@ -125,10 +125,22 @@ def test_every_dumped_stage_parses_back(dump: Path) -> None:
 
 def test_the_dump_shows_what_the_text_says(dump: Path) -> None:
     differentiated = (dump / "04-differentiate.mlir").read_text(encoding="utf-8")
-    (cut,) = re.findall(r"%64 = mat.constant \{value = dense<(.*?)> : tensor<3x6xf64>\}", differentiated)
+    (cut,) = re.findall(r"%\d+ = mat.constant \{value = dense<(.*?)> : tensor<3x6xf64>\}", differentiated)
     rows = [[float(v) for v in row.split(",")] for row in cut.strip("[]").split("], [")]
     assert rows == [[-1, 0, 0, 1, 0, 0], [0, -1, 0, 0, 1, 0], [0, 0, -1, 0, 0, 1]]
     assert "mat." not in (dump / "07-lower-to-scalar.mlir").read_text(encoding="utf-8").replace("format.", "")
+
+
+def test_the_command_says_what_the_text_says(dump: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    text = ARCHITECTURE.read_text(encoding="utf-8")
+    commands = re.findall(r"^\$ yasps-opt (.*)\n((?:energy .*\n)*)", text, re.MULTILINE)
+    assert any(shown for _, shown in commands)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.chdir(dump.parent)
+        for command, shown in commands:
+            assert yasps_opt.main(command.split()) == 0
+            said = capsys.readouterr().out
+            assert not shown or said == shown
 
 
 # -- language.md -------------------------------------------------------------------------------------------------------

@@ -82,8 +82,10 @@ class CongruenceOp(MatOp):
 def _columns_that_complete_zero(s: ScalarGraph, columns: Sequence[Sequence[Node]]) -> dict[int, list[int]]:
     """Columns that are minus the sum of others, and those others: a map that sees no translation has three.
 
-    Looked for among columns that are connected by rows, of each such family the fullest.
+    Looked for among columns that are connected by rows, of each such family the fullest; not if it is but signs, which
+    cost no more than the sum.
     """
+    signs = (s.zero, s.one, s.constant(-1.0))
     families: list[tuple[set[int], list[int]]] = []
     for j, column in enumerate(columns):
         rows = {i for i, node in enumerate(column) if node != s.zero}
@@ -94,7 +96,8 @@ def _columns_that_complete_zero(s: ScalarGraph, columns: Sequence[Sequence[Node]
     for rows, members in families:
         if len(members) > 1 and all(_adds_up_to_zero(s, [columns[j][i] for j in members]) for i in rows):
             fullest = max(members, key=lambda j: sum(node != s.zero for node in columns[j]))
-            found[fullest] = [j for j in members if j != fullest]
+            if any(node not in signs for node in columns[fullest]):
+                found[fullest] = [j for j in members if j != fullest]
     return found
 
 

@@ -1,7 +1,6 @@
 """Random expressions: programs of Python lines that build an attribute, and what they mean on numbers of any kind.
 
-`meaning` is written here anew (determinants by permutations, inverses by elimination-free adjugates), so it shares no
-code with the operations it tests.
+Meanings are those of `matrix_meaning`, not the compiler's.
 """
 
 from __future__ import annotations
@@ -9,12 +8,11 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
-from itertools import permutations
 from typing import Any
 
 import numpy as np
-from exact_numbers import HyperDual
 from hypothesis import strategies as st
+from matrix_meaning import Matrix, cofactors, cross, determinant, embedded, frozen, one, product, total
 from numpy.typing import NDArray
 from xdsl.dialects.builtin import DenseArrayBase, FloatAttr, f64, i64
 
@@ -23,8 +21,6 @@ from yasps.dialects.mat import algebra, calculus, elementwise, structure
 from yasps.frontend.attribute import combine, constant
 
 Shape = tuple[int, int]
-Matrix = NDArray[Any]
-"""[rows, columns] of floats, complex or hyper-dual numbers."""
 Numbers = tuple[int, ...]
 
 SHAPES: tuple[Shape, ...] = ((1, 1), (2, 1), (3, 1), (1, 3), (2, 2), (3, 3), (2, 3), (1, 4), (4, 4))
@@ -33,75 +29,6 @@ INSTANCES = 2
 """Two points; a denominator that is the same number at both might be folded, with rounding, and is not drawn."""
 LARGEST = {True: 1e9, False: 30.0}
 MOST_BITS = 160
-
-
-# -- meaning -----------------------------------------------------------------------------------------------
-
-
-def _sign(order: tuple[int, ...]) -> int:
-    return (-1) ** sum(order[i] > order[j] for i in range(len(order)) for j in range(i + 1, len(order)))
-
-
-def determinant(m: Matrix) -> Any:
-    """Sum over permutations (Leibniz)."""
-    total = None
-    for order in permutations(range(len(m))):
-        term = m[0, order[0]]
-        for row in range(1, len(m)):
-            term = term * m[row, order[row]]
-        term = term if _sign(order) > 0 else -term
-        total = term if total is None else total + term
-    return total
-
-
-def cofactors(m: Matrix) -> Matrix:
-    """Signed minors."""
-    if len(m) == 1:
-        return m**0
-    result = np.empty_like(m)
-    for i, j in np.ndindex(m.shape):
-        minor = determinant(np.delete(np.delete(m, i, 0), j, 1))
-        result[i, j] = minor if (i + j) % 2 == 0 else -minor
-    return result
-
-
-def _product(a: Matrix, b: Matrix) -> Matrix:
-    result = np.empty((a.shape[0], b.shape[1]), np.result_type(a, b))
-    for i, j in np.ndindex(result.shape):
-        result[i, j] = total([a[i, k] * b[k, j] for k in range(len(b))])
-    return result
-
-
-def total(entries: Sequence[Any]) -> Any:
-    """Sum without a start value."""
-    result = entries[0]
-    for entry in entries[1:]:
-        result = result + entry
-    return result
-
-
-def _one(entry: Any) -> Matrix:
-    result = np.empty((1, 1), object if not isinstance(entry, float | complex | np.number) else type(entry))
-    result[0, 0] = entry
-    return result
-
-
-def _cross(a: Matrix, b: Matrix) -> Matrix:
-    x, y = a.ravel(), b.ravel()
-    result = np.empty_like(x)
-    for k in range(3):
-        i, j = (k + 1) % 3, (k + 2) % 3
-        result[k] = x[i] * y[j] - x[j] * y[i]
-    return result.reshape(a.shape)
-
-
-def _embedded(m: Matrix, row: int, col: int, rows: int, cols: int) -> Matrix:
-    result = np.empty((rows, cols), m.dtype)
-    zero = m[0, 0] - m[0, 0]
-    for i, j in np.ndindex(rows, cols):
-        inside = row <= i < row + m.shape[0] and col <= j < col + m.shape[1]
-        result[i, j] = m[i - row, j - col] if inside else zero
-    return result
 
 
 # -- names for the lines -----------------------------------------------------------------------------------
@@ -161,40 +88,33 @@ OPERATIONS: dict[str, Operation] = {
     "hadamard": Operation("{0}.hadamard({1})", lambda a, b: a * b, "hadamard"),
     "scale": Operation("{0} * {1}", lambda s, m: m * s[0, 0], "scale"),
     "divide": Operation("{0} / {1}", lambda m, s: m / s[0, 0], "divide"),
-    "matmul": Operation("{0} @ {1}", _product, "matmul"),
-    "gram": Operation("{0}.T @ {0}", lambda a: _product(a.T, a), "matmul"),
+    "matmul": Operation("{0} @ {1}", product, "matmul"),
+    "gram": Operation("{0}.T @ {0}", lambda a: product(a.T, a), "matmul"),
     "transpose": Operation("{0}.T", lambda a: a.T, "transpose"),
-    "dot": Operation("{0}.dot({1})", lambda a, b: _one(total(list((a * b).ravel()))), "dot"),
-    "cross": Operation("{0}.cross({1})", _cross, "cross"),
-    "trace": Operation("{0}.trace()", lambda a: _one(total([a[k, k] for k in range(len(a))])), "trace"),
-    "sum": Operation("{0}.sum()", lambda a: _one(total(list(a.ravel()))), "sum"),
-    "det": Operation("{0}.det()", lambda a: _one(determinant(a)), "det"),
+    "dot": Operation("{0}.dot({1})", lambda a, b: one(total(list((a * b).ravel()))), "dot"),
+    "cross": Operation("{0}.cross({1})", cross, "cross"),
+    "trace": Operation("{0}.trace()", lambda a: one(total([a[k, k] for k in range(len(a))])), "trace"),
+    "sum": Operation("{0}.sum()", lambda a: one(total(list(a.ravel()))), "sum"),
+    "det": Operation("{0}.det()", lambda a: one(determinant(a)), "det"),
     "cofactor": Operation("cofactor({0})", cofactors, "cofactor"),
     "inverse": Operation("{0}.inverse()", lambda a: cofactors(a).T / determinant(a), "inverse"),
     "reshape": Operation("{0}.reshape({n})", lambda a, r, c: a.reshape(r, c), "reshape"),
     "block": Operation("{0}.block({n})", lambda a, i, j, r, c: a[i : i + r, j : j + c], "block"),
-    "embed": Operation("embed({0}, {n})", _embedded, "embed"),
+    "embed": Operation("embed({0}, {n})", embedded, "embed"),
     "concat_rows": Operation("concat_rows([{0}, {1}])", lambda a, b: np.concatenate([a, b], 0), "concat_rows"),
     "concat_cols": Operation("concat_cols([{0}, {1}])", lambda a, b: np.concatenate([a, b], 1), "concat_cols"),
     "pow": Operation("power({0}, {n})", lambda a, p: a**p, "pow"),
-    "stop_gradient": Operation("{0}.stop_gradient()", lambda a: _frozen(a), "stop_gradient"),
+    "stop_gradient": Operation("{0}.stop_gradient()", frozen, "stop_gradient"),
     "sqrt": Operation("positive({0}).sqrt()", lambda a: (1.5 + a * a) ** 0.5, "sqrt", False),
     "log": Operation("positive({0}).log()", lambda a: np.log(1.5 + a * a), "log", False),
     "exp": Operation("(0.5 * {0}).exp()", lambda a: np.exp(0.5 * a), "exp", False),
     "sin": Operation("{0}.sin()", np.sin, "sin", False),
     "cos": Operation("{0}.cos()", np.cos, "cos", False),
-    "norm": Operation("{0}.norm()", lambda a: _one(np.sqrt((a * a).sum())), "norm", False),
+    "norm": Operation("{0}.norm()", lambda a: one(np.sqrt((a * a).sum())), "norm", False),
     "root": Operation("power(positive({0}), -1.5)", lambda a: (1.5 + a * a) ** -1.5, "pow", False),
 }
 _ONE_SHAPE = ("add", "sub", "hadamard", "dot")
 _SQUARE = ("trace", "det", "cofactor", "inverse")
-
-
-def _frozen(a: Matrix) -> Matrix:
-    """Without its infinitesimal parts, if it has any."""
-    result = a.copy()
-    result.ravel()[:] = [HyperDual(e.value) if isinstance(e, HyperDual) else e for e in a.ravel()]
-    return result
 
 
 # -- programs ----------------------------------------------------------------------------------------------
@@ -315,8 +235,8 @@ class _Drawing:
         candidates = [k for k in reversed(range(self.count)) if allowed(self.shape(k))]
         return self.draw(st.sampled_from(candidates)) if candidates else None
 
-    def append(self, step: Step) -> bool:
-        """Adds the line if its values are tame at both points."""
+    def append(self, step: Step, tame: bool = True) -> bool:
+        """Adds the line if its values are tame at both points, or need not be."""
         made = []
         for values in self.values:
             try:
@@ -324,7 +244,7 @@ class _Drawing:
             except ZeroDivisionError:
                 return False
             entries = list(result.ravel())
-            if any(abs(e) > LARGEST[self.rational] or _bits(e) > MOST_BITS or e != e for e in entries):
+            if tame and not all(abs(e) <= LARGEST[self.rational] and _bits(e) <= MOST_BITS for e in entries):
                 return False
             made.append(result)
         for values, result in zip(self.values, made, strict=True):
@@ -336,7 +256,7 @@ class _Drawing:
     def is_denominator(self, k: int, whole: Callable[[Matrix], Any]) -> bool:
         """Far from zero and not a constant."""
         numbers = [whole(values[k]) for values in self.values]
-        return numbers[0] != numbers[1] and min(abs(n) for n in numbers) > 0.3
+        return bool(numbers[0] != numbers[1] and min(abs(n) for n in numbers) > 0.3)
 
     def step(self) -> None:
         """One random line, or none if the drawn operation does not fit what there is."""
@@ -356,7 +276,10 @@ class _Drawing:
 
     def operands(self, word: str) -> tuple[tuple[int, ...], Numbers] | None:
         """Operands and numbers that fit the operation."""
-        integers = lambda low, high: self.draw(st.integers(low, high))  # noqa: E731
+
+        def integers(low: int, high: int) -> int:
+            return self.draw(st.integers(low, high))
+
         if word in ("scale", "divide"):
             number, matrix = self.pick(lambda s: s == (1, 1)), self.pick()
             if number is None or matrix is None:
@@ -413,10 +336,10 @@ class _Drawing:
         for end in ends:
             word = "sum" if self.shape(end) == (1, 1) else self.draw(st.sampled_from(("dot", "sum")))
             if not self.append(Step(word, (end, end) if word == "dot" else (end,))):
-                self.append(Step("sum", (end,)))
+                self.append(Step("sum", (end,)), tame=False)
             last = self.count - 1
             if total is not None:
-                self.append(Step("add", (total, last)))
+                self.append(Step("add", (total, last)), tame=False)
             total = self.count - 1
         return Expression(self.expression.inputs, tuple(self.steps), self.expression.seed)
 

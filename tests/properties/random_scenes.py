@@ -74,7 +74,9 @@ class _Writer:
         self.factor: str | None = None
         self.made = 0
         self.energies = 0
-        self.projections: tuple[str, ...] = draw(st.sampled_from((("none",), ("clamp", "abs"), ("none", "clamp", "abs"))))
+        self.projections: tuple[str, ...] = draw(
+            st.sampled_from((("none",), ("clamp", "abs"), ("none", "clamp", "abs")))
+        )
 
     # -- words ---------------------------------------------------------------------------------------------
 
@@ -233,7 +235,7 @@ class _Writer:
         rows = self.draw(st.lists(row, min_size=count, max_size=count))
         flat, lengths = [index for indices in rows for index in indices], [len(indices) for indices in rows]
         j = self.fresh("j")
-        self.write(f'{j}c = {name}.add_connectivity("{j}c", {layer.name}, {flat}, {lengths})')
+        self.write(f'{j}c = {name}.add_connectivity("{j}c", {layer.name}, {flat}, counts={lengths})')
         through = f'through={j}c, source={layer.name}["x"], operation="{operation}"'
         self.write(f'{j} = {name}.add_attribute("{j}", {through})')
         value = self.choice(j, f"0.5 * {j} - {j}.hadamard({j})")
@@ -259,7 +261,7 @@ class _Writer:
 
     def energy_of(self, y: str, z: str, mesh: str | None) -> str:
         """A number from two column vectors of d entries, and parameters of the mesh or scene."""
-        value = self.choice(
+        value: str = self.choice(
             f"(({y} - {z}).dot({y} - {z}) - 0.5) ** 2",
             f"{y}.dot({z})",
             f"9.8 * {y}[0] - {z}.sum()",

@@ -69,7 +69,8 @@ def raw_hessian(interpreter: Interpreter) -> Batch | None:
 def directions(seed: int, size: int) -> NDArray[np.int64]:
     """Whole numbers, none of them zero."""
     random = np.random.default_rng(seed)
-    return random.integers(1, 9, size) * random.choice([-1, 1], size)
+    signs: NDArray[np.int64] = random.choice([-1, 1], size)
+    return random.integers(1, 9, size) * signs
 
 
 def oracle(expression: Expression, instance: int, u: Any, w: Any) -> HyperDual:

@@ -83,18 +83,18 @@ builtin.module {
       %8 = mat.constant {value = dense<2.000000e+00> : tensor<1x1xf64>} : () -> tensor<1x1xf64>
       %9 = mat.constant {value = dense<0.000000e+00> : tensor<1x2xf64>} : () -> tensor<1x2xf64>
       %10 = mat.constant {value = dense<[[1.000000e+00, 0.000000e+00]]> : tensor<1x2xf64>} : () -> tensor<1x2xf64>
-      %11 = mat.constant {value = dense<[[1.000000e+00], [0.000000e+00]]> : tensor<2x1xf64>} : () -> tensor<2x1xf64>
-      %12 = mat.constant {value = dense<[[0.000000e+00, 1.000000e+00]]> : tensor<1x2xf64>} : () -> tensor<1x2xf64>
+      %11 = mat.constant {value = dense<[[0.000000e+00, 1.000000e+00]]> : tensor<1x2xf64>} : () -> tensor<1x2xf64>
+      %12 = mat.constant {value = dense<[[1.000000e+00], [0.000000e+00]]> : tensor<2x1xf64>} : () -> tensor<2x1xf64>
       %13 = mat.constant {value = dense<[[0.000000e+00], [1.000000e+00]]> : tensor<2x1xf64>} : () -> tensor<2x1xf64>
       %14 = mat.constant {value = dense<[[1.000000e+00, 0.000000e+00], [0.000000e+00, 1.000000e+00]]> : tensor<2x2xf64>} : () -> tensor<2x2xf64>
       %15 = mat.constant {value = dense<[[1.000000e+00, 0.000000e+00], [0.000000e+00, 0.000000e+00]]> : tensor<2x2xf64>} : () -> tensor<2x2xf64>
-      %16 = mat.constant {value = dense<[[-1.000000e+00, 0.000000e+00]]> : tensor<1x2xf64>} : () -> tensor<1x2xf64>
-      %17 = mat.constant {value = dense<[[-1.000000e+00], [0.000000e+00]]> : tensor<2x1xf64>} : () -> tensor<2x1xf64>
-      %18 = mat.constant {value = dense<[[0.000000e+00, 1.000000e+00], [0.000000e+00, 0.000000e+00]]> : tensor<2x2xf64>} : () -> tensor<2x2xf64>
-      %19 = mat.constant {value = dense<[[0.000000e+00, -1.000000e+00]]> : tensor<1x2xf64>} : () -> tensor<1x2xf64>
-      %20 = mat.constant {value = dense<[[0.000000e+00], [-1.000000e+00]]> : tensor<2x1xf64>} : () -> tensor<2x1xf64>
-      %21 = mat.constant {value = dense<[[0.000000e+00, 0.000000e+00], [1.000000e+00, 0.000000e+00]]> : tensor<2x2xf64>} : () -> tensor<2x2xf64>
-      %22 = mat.constant {value = dense<[[0.000000e+00, 0.000000e+00], [0.000000e+00, 1.000000e+00]]> : tensor<2x2xf64>} : () -> tensor<2x2xf64>
+      %16 = mat.constant {value = dense<[[0.000000e+00, 1.000000e+00], [0.000000e+00, 0.000000e+00]]> : tensor<2x2xf64>} : () -> tensor<2x2xf64>
+      %17 = mat.constant {value = dense<[[0.000000e+00, 0.000000e+00], [1.000000e+00, 0.000000e+00]]> : tensor<2x2xf64>} : () -> tensor<2x2xf64>
+      %18 = mat.constant {value = dense<[[0.000000e+00, 0.000000e+00], [0.000000e+00, 1.000000e+00]]> : tensor<2x2xf64>} : () -> tensor<2x2xf64>
+      %19 = mat.constant {value = dense<[[-1.000000e+00, 0.000000e+00]]> : tensor<1x2xf64>} : () -> tensor<1x2xf64>
+      %20 = mat.constant {value = dense<[[-1.000000e+00], [0.000000e+00]]> : tensor<2x1xf64>} : () -> tensor<2x1xf64>
+      %21 = mat.constant {value = dense<[[0.000000e+00, -1.000000e+00]]> : tensor<1x2xf64>} : () -> tensor<1x2xf64>
+      %22 = mat.constant {value = dense<[[0.000000e+00], [-1.000000e+00]]> : tensor<2x1xf64>} : () -> tensor<2x1xf64>
       %23 = mat.constant {value = dense<[[-1.000000e+00, 0.000000e+00, 1.000000e+00, 0.000000e+00], [0.000000e+00, -1.000000e+00, 0.000000e+00, 1.000000e+00]]> : tensor<2x4xf64>} : () -> tensor<2x4xf64>
       %24 = mat.constant {value = dense<[[1.000000e+00, 0.000000e+00, -1.000000e+00, 0.000000e+00], [0.000000e+00, 1.000000e+00, 0.000000e+00, -1.000000e+00], [-1.000000e+00, 0.000000e+00, 1.000000e+00, 0.000000e+00], [0.000000e+00, -1.000000e+00, 0.000000e+00, 1.000000e+00]]> : tensor<4x4xf64>} : () -> tensor<4x4xf64>
       %25 = mat.neg %3 : (tensor<1x2xf64>) -> tensor<1x2xf64>

@@ -77,9 +77,8 @@ builtin.module {
       %7 = arith.mulf %1, %6 : f64
       %8 = arith.mulf %2, %7 : f64
       %9 = arith.mulf %3, %5 : f64
-      %10 = arith.subf %8, %9 : f64
-      %11 = arith.negf %10 : f64
-      func.return %11 : f64
+      %10 = arith.subf %9, %8 : f64
+      func.return %10 : f64
     }
     func.func @m.tips.x.second(%0: f64, %1: f64, %2: f64, %3: f64) -> f64 {
       %4 = arith.mulf %1, %3 : f64
@@ -96,11 +95,11 @@ builtin.module {
       %4 = arith.constant 0.000000e+00 : f64
       %5 = arith.constant 1.000000e+00 : f64
       %6 = arith.subf %0, %2 : f64
-      %7 = arith.negf %6 : f64
-      %8 = arith.subf %1, %3 : f64
-      %9 = arith.negf %8 : f64
-      %10 = arith.constant -1.000000e+00 : f64
-      func.return %6, %8, %7, %9, %5, %4, %10, %4, %5, %4, %10, %5, %4, %5 : f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64
+      %7 = arith.subf %1, %3 : f64
+      %8 = arith.constant -1.000000e+00 : f64
+      %9 = arith.negf %6 : f64
+      %10 = arith.negf %7 : f64
+      func.return %6, %7, %9, %10, %5, %4, %8, %4, %5, %4, %8, %5, %4, %5 : f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64
     }
     func.func @m.springs.stretch.kappa.value(%0: i32, %1: i32) -> (i32, i32) {
       func.return %0, %1 : i32, i32

@@ -63,9 +63,8 @@ builtin.module {
       %7 = arith.mulf %1, %6 : f64
       %8 = arith.mulf %2, %7 : f64
       %9 = arith.mulf %3, %5 : f64
-      %10 = arith.subf %8, %9 : f64
-      %11 = arith.negf %10 : f64
-      func.return %11 : f64
+      %10 = arith.subf %9, %8 : f64
+      func.return %10 : f64
     }
   }
   rel.object @m.tips.x.curvature.object entries ["call"] {
@@ -98,11 +97,11 @@ builtin.module {
       %4 = arith.constant 0.000000e+00 : f64
       %5 = arith.constant 1.000000e+00 : f64
       %6 = arith.subf %0, %2 : f64
-      %7 = arith.negf %6 : f64
-      %8 = arith.subf %1, %3 : f64
-      %9 = arith.negf %8 : f64
-      %10 = arith.constant -1.000000e+00 : f64
-      func.return %6, %8, %7, %9, %5, %4, %10, %4, %5, %4, %10, %5, %4, %5 : f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64
+      %7 = arith.subf %1, %3 : f64
+      %8 = arith.constant -1.000000e+00 : f64
+      %9 = arith.negf %6 : f64
+      %10 = arith.negf %7 : f64
+      func.return %6, %7, %9, %10, %5, %4, %8, %4, %5, %4, %8, %5, %4, %5 : f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64
     }
   }
   rel.object @m.arms.angle.kappa.object entries ["call"] {

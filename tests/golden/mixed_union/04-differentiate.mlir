@@ -59,39 +59,39 @@ builtin.module {
       %4 = mat.matmul %3, %rest : (tensor<3x3xf64>, tensor<3x1xf64>) -> tensor<3x1xf64>
       %5 = mat.add %4, %1 : (tensor<3x1xf64>, tensor<3x1xf64>) -> tensor<3x1xf64>
       %6 = mat.constant {value = dense<[[1.000000e+00, 0.000000e+00, 0.000000e+00]]> : tensor<1x3xf64>} : () -> tensor<1x3xf64>
-      %7 = mat.constant {value = dense<[[1.000000e+00], [0.000000e+00], [0.000000e+00]]> : tensor<3x1xf64>} : () -> tensor<3x1xf64>
-      %8 = mat.constant {value = dense<[[0.000000e+00, 1.000000e+00, 0.000000e+00]]> : tensor<1x3xf64>} : () -> tensor<1x3xf64>
-      %9 = mat.constant {value = dense<[[0.000000e+00], [1.000000e+00], [0.000000e+00]]> : tensor<3x1xf64>} : () -> tensor<3x1xf64>
-      %10 = mat.constant {value = dense<[[0.000000e+00, 0.000000e+00, 1.000000e+00]]> : tensor<1x3xf64>} : () -> tensor<1x3xf64>
-      %11 = mat.constant {value = dense<[[0.000000e+00], [0.000000e+00], [1.000000e+00]]> : tensor<3x1xf64>} : () -> tensor<3x1xf64>
-      %12 = mat.constant {value = dense<[[1.000000e+00, 0.000000e+00, 0.000000e+00, 0.000000e+00, 0.000000e+00, 0.000000e+00, 0.000000e+00, 0.000000e+00, 0.000000e+00]]> : tensor<1x9xf64>} : () -> tensor<1x9xf64>
-      %13 = mat.constant {value = dense<[[1.000000e+00, 0.000000e+00, 0.000000e+00], [0.000000e+00, 0.000000e+00, 0.000000e+00], [0.000000e+00, 0.000000e+00, 0.000000e+00]]> : tensor<3x3xf64>} : () -> tensor<3x3xf64>
-      %14 = mat.matmul %13, %rest : (tensor<3x3xf64>, tensor<3x1xf64>) -> tensor<3x1xf64>
-      %15 = mat.constant {value = dense<[[0.000000e+00, 1.000000e+00, 0.000000e+00, 0.000000e+00, 0.000000e+00, 0.000000e+00, 0.000000e+00, 0.000000e+00, 0.000000e+00]]> : tensor<1x9xf64>} : () -> tensor<1x9xf64>
-      %16 = mat.constant {value = dense<[[0.000000e+00, 1.000000e+00, 0.000000e+00], [0.000000e+00, 0.000000e+00, 0.000000e+00], [0.000000e+00, 0.000000e+00, 0.000000e+00]]> : tensor<3x3xf64>} : () -> tensor<3x3xf64>
-      %17 = mat.matmul %16, %rest : (tensor<3x3xf64>, tensor<3x1xf64>) -> tensor<3x1xf64>
-      %18 = mat.constant {value = dense<[[0.000000e+00, 0.000000e+00, 1.000000e+00, 0.000000e+00, 0.000000e+00, 0.000000e+00, 0.000000e+00, 0.000000e+00, 0.000000e+00]]> : tensor<1x9xf64>} : () -> tensor<1x9xf64>
-      %19 = mat.constant {value = dense<[[0.000000e+00, 0.000000e+00, 1.000000e+00], [0.000000e+00, 0.000000e+00, 0.000000e+00], [0.000000e+00, 0.000000e+00, 0.000000e+00]]> : tensor<3x3xf64>} : () -> tensor<3x3xf64>
-      %20 = mat.matmul %19, %rest : (tensor<3x3xf64>, tensor<3x1xf64>) -> tensor<3x1xf64>
-      %21 = mat.constant {value = dense<[[0.000000e+00, 0.000000e+00, 0.000000e+00, 1.000000e+00, 0.000000e+00, 0.000000e+00, 0.000000e+00, 0.000000e+00, 0.000000e+00]]> : tensor<1x9xf64>} : () -> tensor<1x9xf64>
-      %22 = mat.constant {value = dense<[[0.000000e+00, 0.000000e+00, 0.000000e+00], [1.000000e+00, 0.000000e+00, 0.000000e+00], [0.000000e+00, 0.000000e+00, 0.000000e+00]]> : tensor<3x3xf64>} : () -> tensor<3x3xf64>
-      %23 = mat.matmul %22, %rest : (tensor<3x3xf64>, tensor<3x1xf64>) -> tensor<3x1xf64>
-      %24 = mat.constant {value = dense<[[0.000000e+00, 0.000000e+00, 0.000000e+00, 0.000000e+00, 1.000000e+00, 0.000000e+00, 0.000000e+00, 0.000000e+00, 0.000000e+00]]> : tensor<1x9xf64>} : () -> tensor<1x9xf64>
-      %25 = mat.constant {value = dense<[[0.000000e+00, 0.000000e+00, 0.000000e+00], [0.000000e+00, 1.000000e+00, 0.000000e+00], [0.000000e+00, 0.000000e+00, 0.000000e+00]]> : tensor<3x3xf64>} : () -> tensor<3x3xf64>
+      %7 = mat.constant {value = dense<[[0.000000e+00, 1.000000e+00, 0.000000e+00]]> : tensor<1x3xf64>} : () -> tensor<1x3xf64>
+      %8 = mat.constant {value = dense<[[0.000000e+00, 0.000000e+00, 1.000000e+00]]> : tensor<1x3xf64>} : () -> tensor<1x3xf64>
+      %9 = mat.constant {value = dense<[[1.000000e+00, 0.000000e+00, 0.000000e+00, 0.000000e+00, 0.000000e+00, 0.000000e+00, 0.000000e+00, 0.000000e+00, 0.000000e+00]]> : tensor<1x9xf64>} : () -> tensor<1x9xf64>
+      %10 = mat.constant {value = dense<[[0.000000e+00, 1.000000e+00, 0.000000e+00, 0.000000e+00, 0.000000e+00, 0.000000e+00, 0.000000e+00, 0.000000e+00, 0.000000e+00]]> : tensor<1x9xf64>} : () -> tensor<1x9xf64>
+      %11 = mat.constant {value = dense<[[0.000000e+00, 0.000000e+00, 1.000000e+00, 0.000000e+00, 0.000000e+00, 0.000000e+00, 0.000000e+00, 0.000000e+00, 0.000000e+00]]> : tensor<1x9xf64>} : () -> tensor<1x9xf64>
+      %12 = mat.constant {value = dense<[[0.000000e+00, 0.000000e+00, 0.000000e+00, 1.000000e+00, 0.000000e+00, 0.000000e+00, 0.000000e+00, 0.000000e+00, 0.000000e+00]]> : tensor<1x9xf64>} : () -> tensor<1x9xf64>
+      %13 = mat.constant {value = dense<[[0.000000e+00, 0.000000e+00, 0.000000e+00, 0.000000e+00, 1.000000e+00, 0.000000e+00, 0.000000e+00, 0.000000e+00, 0.000000e+00]]> : tensor<1x9xf64>} : () -> tensor<1x9xf64>
+      %14 = mat.constant {value = dense<[[0.000000e+00, 0.000000e+00, 0.000000e+00, 0.000000e+00, 0.000000e+00, 1.000000e+00, 0.000000e+00, 0.000000e+00, 0.000000e+00]]> : tensor<1x9xf64>} : () -> tensor<1x9xf64>
+      %15 = mat.constant {value = dense<[[0.000000e+00, 0.000000e+00, 0.000000e+00, 0.000000e+00, 0.000000e+00, 0.000000e+00, 1.000000e+00, 0.000000e+00, 0.000000e+00]]> : tensor<1x9xf64>} : () -> tensor<1x9xf64>
+      %16 = mat.constant {value = dense<[[0.000000e+00, 0.000000e+00, 0.000000e+00, 0.000000e+00, 0.000000e+00, 0.000000e+00, 0.000000e+00, 1.000000e+00, 0.000000e+00]]> : tensor<1x9xf64>} : () -> tensor<1x9xf64>
+      %17 = mat.constant {value = dense<[[0.000000e+00, 0.000000e+00, 0.000000e+00, 0.000000e+00, 0.000000e+00, 0.000000e+00, 0.000000e+00, 0.000000e+00, 1.000000e+00]]> : tensor<1x9xf64>} : () -> tensor<1x9xf64>
+      %18 = mat.constant {value = dense<[[1.000000e+00], [0.000000e+00], [0.000000e+00]]> : tensor<3x1xf64>} : () -> tensor<3x1xf64>
+      %19 = mat.constant {value = dense<[[0.000000e+00], [1.000000e+00], [0.000000e+00]]> : tensor<3x1xf64>} : () -> tensor<3x1xf64>
+      %20 = mat.constant {value = dense<[[0.000000e+00], [0.000000e+00], [1.000000e+00]]> : tensor<3x1xf64>} : () -> tensor<3x1xf64>
+      %21 = mat.constant {value = dense<[[1.000000e+00, 0.000000e+00, 0.000000e+00], [0.000000e+00, 0.000000e+00, 0.000000e+00], [0.000000e+00, 0.000000e+00, 0.000000e+00]]> : tensor<3x3xf64>} : () -> tensor<3x3xf64>
+      %22 = mat.matmul %21, %rest : (tensor<3x3xf64>, tensor<3x1xf64>) -> tensor<3x1xf64>
+      %23 = mat.constant {value = dense<[[0.000000e+00, 1.000000e+00, 0.000000e+00], [0.000000e+00, 0.000000e+00, 0.000000e+00], [0.000000e+00, 0.000000e+00, 0.000000e+00]]> : tensor<3x3xf64>} : () -> tensor<3x3xf64>
+      %24 = mat.matmul %23, %rest : (tensor<3x3xf64>, tensor<3x1xf64>) -> tensor<3x1xf64>
+      %25 = mat.constant {value = dense<[[0.000000e+00, 0.000000e+00, 1.000000e+00], [0.000000e+00, 0.000000e+00, 0.000000e+00], [0.000000e+00, 0.000000e+00, 0.000000e+00]]> : tensor<3x3xf64>} : () -> tensor<3x3xf64>
       %26 = mat.matmul %25, %rest : (tensor<3x3xf64>, tensor<3x1xf64>) -> tensor<3x1xf64>
-      %27 = mat.constant {value = dense<[[0.000000e+00, 0.000000e+00, 0.000000e+00, 0.000000e+00, 0.000000e+00, 1.000000e+00, 0.000000e+00, 0.000000e+00, 0.000000e+00]]> : tensor<1x9xf64>} : () -> tensor<1x9xf64>
-      %28 = mat.constant {value = dense<[[0.000000e+00, 0.000000e+00, 0.000000e+00], [0.000000e+00, 0.000000e+00, 1.000000e+00], [0.000000e+00, 0.000000e+00, 0.000000e+00]]> : tensor<3x3xf64>} : () -> tensor<3x3xf64>
-      %29 = mat.matmul %28, %rest : (tensor<3x3xf64>, tensor<3x1xf64>) -> tensor<3x1xf64>
-      %30 = mat.constant {value = dense<[[0.000000e+00, 0.000000e+00, 0.000000e+00, 0.000000e+00, 0.000000e+00, 0.000000e+00, 1.000000e+00, 0.000000e+00, 0.000000e+00]]> : tensor<1x9xf64>} : () -> tensor<1x9xf64>
-      %31 = mat.constant {value = dense<[[0.000000e+00, 0.000000e+00, 0.000000e+00], [0.000000e+00, 0.000000e+00, 0.000000e+00], [1.000000e+00, 0.000000e+00, 0.000000e+00]]> : tensor<3x3xf64>} : () -> tensor<3x3xf64>
+      %27 = mat.constant {value = dense<[[0.000000e+00, 0.000000e+00, 0.000000e+00], [1.000000e+00, 0.000000e+00, 0.000000e+00], [0.000000e+00, 0.000000e+00, 0.000000e+00]]> : tensor<3x3xf64>} : () -> tensor<3x3xf64>
+      %28 = mat.matmul %27, %rest : (tensor<3x3xf64>, tensor<3x1xf64>) -> tensor<3x1xf64>
+      %29 = mat.constant {value = dense<[[0.000000e+00, 0.000000e+00, 0.000000e+00], [0.000000e+00, 1.000000e+00, 0.000000e+00], [0.000000e+00, 0.000000e+00, 0.000000e+00]]> : tensor<3x3xf64>} : () -> tensor<3x3xf64>
+      %30 = mat.matmul %29, %rest : (tensor<3x3xf64>, tensor<3x1xf64>) -> tensor<3x1xf64>
+      %31 = mat.constant {value = dense<[[0.000000e+00, 0.000000e+00, 0.000000e+00], [0.000000e+00, 0.000000e+00, 1.000000e+00], [0.000000e+00, 0.000000e+00, 0.000000e+00]]> : tensor<3x3xf64>} : () -> tensor<3x3xf64>
       %32 = mat.matmul %31, %rest : (tensor<3x3xf64>, tensor<3x1xf64>) -> tensor<3x1xf64>
-      %33 = mat.constant {value = dense<[[0.000000e+00, 0.000000e+00, 0.000000e+00, 0.000000e+00, 0.000000e+00, 0.000000e+00, 0.000000e+00, 1.000000e+00, 0.000000e+00]]> : tensor<1x9xf64>} : () -> tensor<1x9xf64>
-      %34 = mat.constant {value = dense<[[0.000000e+00, 0.000000e+00, 0.000000e+00], [0.000000e+00, 0.000000e+00, 0.000000e+00], [0.000000e+00, 1.000000e+00, 0.000000e+00]]> : tensor<3x3xf64>} : () -> tensor<3x3xf64>
-      %35 = mat.matmul %34, %rest : (tensor<3x3xf64>, tensor<3x1xf64>) -> tensor<3x1xf64>
-      %36 = mat.constant {value = dense<[[0.000000e+00, 0.000000e+00, 0.000000e+00, 0.000000e+00, 0.000000e+00, 0.000000e+00, 0.000000e+00, 0.000000e+00, 1.000000e+00]]> : tensor<1x9xf64>} : () -> tensor<1x9xf64>
+      %33 = mat.constant {value = dense<[[0.000000e+00, 0.000000e+00, 0.000000e+00], [0.000000e+00, 0.000000e+00, 0.000000e+00], [1.000000e+00, 0.000000e+00, 0.000000e+00]]> : tensor<3x3xf64>} : () -> tensor<3x3xf64>
+      %34 = mat.matmul %33, %rest : (tensor<3x3xf64>, tensor<3x1xf64>) -> tensor<3x1xf64>
+      %35 = mat.constant {value = dense<[[0.000000e+00, 0.000000e+00, 0.000000e+00], [0.000000e+00, 0.000000e+00, 0.000000e+00], [0.000000e+00, 1.000000e+00, 0.000000e+00]]> : tensor<3x3xf64>} : () -> tensor<3x3xf64>
+      %36 = mat.matmul %35, %rest : (tensor<3x3xf64>, tensor<3x1xf64>) -> tensor<3x1xf64>
       %37 = mat.constant {value = dense<[[0.000000e+00, 0.000000e+00, 0.000000e+00], [0.000000e+00, 0.000000e+00, 0.000000e+00], [0.000000e+00, 0.000000e+00, 1.000000e+00]]> : tensor<3x3xf64>} : () -> tensor<3x3xf64>
       %38 = mat.matmul %37, %rest : (tensor<3x3xf64>, tensor<3x1xf64>) -> tensor<3x1xf64>
-      %39 = mat.concat_cols %7, %9, %11, %14, %17, %20, %23, %26, %29, %32, %35, %38 : (tensor<3x1xf64>, tensor<3x1xf64>, tensor<3x1xf64>, tensor<3x1xf64>, tensor<3x1xf64>, tensor<3x1xf64>, tensor<3x1xf64>, tensor<3x1xf64>, tensor<3x1xf64>, tensor<3x1xf64>, tensor<3x1xf64>, tensor<3x1xf64>) -> tensor<3x12xf64>
+      %39 = mat.concat_cols %18, %19, %20, %22, %24, %26, %28, %30, %32, %34, %36, %38 : (tensor<3x1xf64>, tensor<3x1xf64>, tensor<3x1xf64>, tensor<3x1xf64>, tensor<3x1xf64>, tensor<3x1xf64>, tensor<3x1xf64>, tensor<3x1xf64>, tensor<3x1xf64>, tensor<3x1xf64>, tensor<3x1xf64>, tensor<3x1xf64>) -> tensor<3x12xf64>
       rel.yield_jacobian %39 : tensor<3x12xf64> wrt %0, %2 : tensor<1x3xf64>, tensor<1x9xf64>
     }
     rel.derivative @both.pp.barrier.derivative of @both.pp.barrier on @both.pp projection "clamp" dynamic {
@@ -124,116 +124,75 @@ builtin.module {
       %26 = mat.scale %25, %4 : (tensor<1x1xf64>, tensor<1x3xf64>) -> tensor<1x3xf64>
       %27 = mat.constant {value = dense<0.000000e+00> : tensor<1x3xf64>} : () -> tensor<1x3xf64>
       %28 = mat.constant {value = dense<[[1.000000e+00, 0.000000e+00, 0.000000e+00]]> : tensor<1x3xf64>} : () -> tensor<1x3xf64>
-      %29 = mat.dot %4, %28 : (tensor<1x3xf64>, tensor<1x3xf64>) -> tensor<1x1xf64>
-      %30 = mat.scale %24, %29 : (tensor<1x1xf64>, tensor<1x1xf64>) -> tensor<1x1xf64>
-      %31 = mat.divide %30, %0 : (tensor<1x1xf64>, tensor<1x1xf64>) -> tensor<1x1xf64>
+      %29 = mat.constant {value = dense<[[0.000000e+00, 1.000000e+00, 0.000000e+00]]> : tensor<1x3xf64>} : () -> tensor<1x3xf64>
+      %30 = mat.constant {value = dense<[[0.000000e+00, 0.000000e+00, 1.000000e+00]]> : tensor<1x3xf64>} : () -> tensor<1x3xf64>
+      %31 = mat.constant {value = dense<4.000000e-01> : tensor<1x1xf64>} : () -> tensor<1x1xf64>
       %32 = mat.scale %18, %31 : (tensor<1x1xf64>, tensor<1x1xf64>) -> tensor<1x1xf64>
-      %33 = mat.scale %30, %8 : (tensor<1x1xf64>, tensor<1x1xf64>) -> tensor<1x1xf64>
-      %34 = mat.add %33, %33 : (tensor<1x1xf64>, tensor<1x1xf64>) -> tensor<1x1xf64>
-      %35 = mat.scale %34, %7 : (tensor<1x1xf64>, tensor<1x1xf64>) -> tensor<1x1xf64>
-      %36 = mat.scale %9, %32 : (tensor<1x1xf64>, tensor<1x1xf64>) -> tensor<1x1xf64>
-      %37 = mat.add %35, %36 : (tensor<1x1xf64>, tensor<1x1xf64>) -> tensor<1x1xf64>
-      %38 = mat.add %37, %37 : (tensor<1x1xf64>, tensor<1x1xf64>) -> tensor<1x1xf64>
-      %39 = mat.constant {value = dense<-1.000000e+00> : tensor<1x1xf64>} : () -> tensor<1x1xf64>
-      %40 = mat.pow %6 {exponent = -2.000000e+00 : f64} : (tensor<1x1xf64>) -> tensor<1x1xf64>
-      %41 = mat.scale %39, %40 : (tensor<1x1xf64>, tensor<1x1xf64>) -> tensor<1x1xf64>
-      %42 = mat.scale %41, %31 : (tensor<1x1xf64>, tensor<1x1xf64>) -> tensor<1x1xf64>
-      %43 = mat.scale %42, %17 : (tensor<1x1xf64>, tensor<1x1xf64>) -> tensor<1x1xf64>
-      %44 = mat.scale %18, %38 : (tensor<1x1xf64>, tensor<1x1xf64>) -> tensor<1x1xf64>
-      %45 = mat.add %43, %44 : (tensor<1x1xf64>, tensor<1x1xf64>) -> tensor<1x1xf64>
-      %46 = mat.divide %45, %0 : (tensor<1x1xf64>, tensor<1x1xf64>) -> tensor<1x1xf64>
-      %47 = mat.scale %32, %7 : (tensor<1x1xf64>, tensor<1x1xf64>) -> tensor<1x1xf64>
-      %48 = mat.add %47, %47 : (tensor<1x1xf64>, tensor<1x1xf64>) -> tensor<1x1xf64>
-      %49 = mat.scale %48, %8 : (tensor<1x1xf64>, tensor<1x1xf64>) -> tensor<1x1xf64>
-      %50 = mat.scale %13, %30 : (tensor<1x1xf64>, tensor<1x1xf64>) -> tensor<1x1xf64>
-      %51 = mat.add %49, %50 : (tensor<1x1xf64>, tensor<1x1xf64>) -> tensor<1x1xf64>
-      %52 = mat.add %51, %51 : (tensor<1x1xf64>, tensor<1x1xf64>) -> tensor<1x1xf64>
-      %53 = mat.add %52, %46 : (tensor<1x1xf64>, tensor<1x1xf64>) -> tensor<1x1xf64>
+      %33 = mat.add %8, %8 : (tensor<1x1xf64>, tensor<1x1xf64>) -> tensor<1x1xf64>
+      %34 = mat.scale %33, %7 : (tensor<1x1xf64>, tensor<1x1xf64>) -> tensor<1x1xf64>
+      %35 = mat.scale %9, %32 : (tensor<1x1xf64>, tensor<1x1xf64>) -> tensor<1x1xf64>
+      %36 = mat.add %34, %35 : (tensor<1x1xf64>, tensor<1x1xf64>) -> tensor<1x1xf64>
+      %37 = mat.add %36, %36 : (tensor<1x1xf64>, tensor<1x1xf64>) -> tensor<1x1xf64>
+      %38 = mat.constant {value = dense<-1.000000e+00> : tensor<1x1xf64>} : () -> tensor<1x1xf64>
+      %39 = mat.pow %6 {exponent = -2.000000e+00 : f64} : (tensor<1x1xf64>) -> tensor<1x1xf64>
+      %40 = mat.scale %38, %39 : (tensor<1x1xf64>, tensor<1x1xf64>) -> tensor<1x1xf64>
+      %41 = mat.scale %40, %31 : (tensor<1x1xf64>, tensor<1x1xf64>) -> tensor<1x1xf64>
+      %42 = mat.scale %41, %17 : (tensor<1x1xf64>, tensor<1x1xf64>) -> tensor<1x1xf64>
+      %43 = mat.scale %18, %37 : (tensor<1x1xf64>, tensor<1x1xf64>) -> tensor<1x1xf64>
+      %44 = mat.add %42, %43 : (tensor<1x1xf64>, tensor<1x1xf64>) -> tensor<1x1xf64>
+      %45 = mat.divide %44, %0 : (tensor<1x1xf64>, tensor<1x1xf64>) -> tensor<1x1xf64>
+      %46 = mat.scale %32, %7 : (tensor<1x1xf64>, tensor<1x1xf64>) -> tensor<1x1xf64>
+      %47 = mat.add %46, %46 : (tensor<1x1xf64>, tensor<1x1xf64>) -> tensor<1x1xf64>
+      %48 = mat.scale %47, %8 : (tensor<1x1xf64>, tensor<1x1xf64>) -> tensor<1x1xf64>
+      %49 = mat.add %48, %13 : (tensor<1x1xf64>, tensor<1x1xf64>) -> tensor<1x1xf64>
+      %50 = mat.add %49, %49 : (tensor<1x1xf64>, tensor<1x1xf64>) -> tensor<1x1xf64>
+      %51 = mat.add %50, %45 : (tensor<1x1xf64>, tensor<1x1xf64>) -> tensor<1x1xf64>
+      %52 = mat.scale %24, %51 : (tensor<1x1xf64>, tensor<1x1xf64>) -> tensor<1x1xf64>
+      %53 = mat.dot %4, %28 : (tensor<1x3xf64>, tensor<1x3xf64>) -> tensor<1x1xf64>
       %54 = mat.scale %24, %53 : (tensor<1x1xf64>, tensor<1x1xf64>) -> tensor<1x1xf64>
-      %55 = mat.scale %54, %4 : (tensor<1x1xf64>, tensor<1x3xf64>) -> tensor<1x3xf64>
-      %56 = mat.scale %25, %28 : (tensor<1x1xf64>, tensor<1x3xf64>) -> tensor<1x3xf64>
-      %57 = mat.add %55, %56 : (tensor<1x3xf64>, tensor<1x3xf64>) -> tensor<1x3xf64>
-      %58 = mat.reshape %57 {shape = array<i64: 3, 1>} : (tensor<1x3xf64>) -> tensor<3x1xf64>
-      %59 = mat.constant {value = dense<[[0.000000e+00, 1.000000e+00, 0.000000e+00]]> : tensor<1x3xf64>} : () -> tensor<1x3xf64>
-      %60 = mat.dot %4, %59 : (tensor<1x3xf64>, tensor<1x3xf64>) -> tensor<1x1xf64>
+      %55 = mat.scale %52, %54 : (tensor<1x1xf64>, tensor<1x1xf64>) -> tensor<1x1xf64>
+      %56 = mat.scale %55, %4 : (tensor<1x1xf64>, tensor<1x3xf64>) -> tensor<1x3xf64>
+      %57 = mat.scale %25, %28 : (tensor<1x1xf64>, tensor<1x3xf64>) -> tensor<1x3xf64>
+      %58 = mat.add %56, %57 : (tensor<1x3xf64>, tensor<1x3xf64>) -> tensor<1x3xf64>
+      %59 = mat.reshape %58 {shape = array<i64: 3, 1>} : (tensor<1x3xf64>) -> tensor<3x1xf64>
+      %60 = mat.dot %4, %29 : (tensor<1x3xf64>, tensor<1x3xf64>) -> tensor<1x1xf64>
       %61 = mat.scale %24, %60 : (tensor<1x1xf64>, tensor<1x1xf64>) -> tensor<1x1xf64>
-      %62 = mat.divide %61, %0 : (tensor<1x1xf64>, tensor<1x1xf64>) -> tensor<1x1xf64>
-      %63 = mat.scale %18, %62 : (tensor<1x1xf64>, tensor<1x1xf64>) -> tensor<1x1xf64>
-      %64 = mat.scale %61, %8 : (tensor<1x1xf64>, tensor<1x1xf64>) -> tensor<1x1xf64>
-      %65 = mat.add %64, %64 : (tensor<1x1xf64>, tensor<1x1xf64>) -> tensor<1x1xf64>
-      %66 = mat.scale %65, %7 : (tensor<1x1xf64>, tensor<1x1xf64>) -> tensor<1x1xf64>
-      %67 = mat.scale %9, %63 : (tensor<1x1xf64>, tensor<1x1xf64>) -> tensor<1x1xf64>
-      %68 = mat.add %66, %67 : (tensor<1x1xf64>, tensor<1x1xf64>) -> tensor<1x1xf64>
-      %69 = mat.add %68, %68 : (tensor<1x1xf64>, tensor<1x1xf64>) -> tensor<1x1xf64>
-      %70 = mat.scale %41, %62 : (tensor<1x1xf64>, tensor<1x1xf64>) -> tensor<1x1xf64>
-      %71 = mat.scale %70, %17 : (tensor<1x1xf64>, tensor<1x1xf64>) -> tensor<1x1xf64>
-      %72 = mat.scale %18, %69 : (tensor<1x1xf64>, tensor<1x1xf64>) -> tensor<1x1xf64>
-      %73 = mat.add %71, %72 : (tensor<1x1xf64>, tensor<1x1xf64>) -> tensor<1x1xf64>
-      %74 = mat.divide %73, %0 : (tensor<1x1xf64>, tensor<1x1xf64>) -> tensor<1x1xf64>
-      %75 = mat.scale %63, %7 : (tensor<1x1xf64>, tensor<1x1xf64>) -> tensor<1x1xf64>
-      %76 = mat.add %75, %75 : (tensor<1x1xf64>, tensor<1x1xf64>) -> tensor<1x1xf64>
-      %77 = mat.scale %76, %8 : (tensor<1x1xf64>, tensor<1x1xf64>) -> tensor<1x1xf64>
-      %78 = mat.scale %13, %61 : (tensor<1x1xf64>, tensor<1x1xf64>) -> tensor<1x1xf64>
-      %79 = mat.add %77, %78 : (tensor<1x1xf64>, tensor<1x1xf64>) -> tensor<1x1xf64>
-      %80 = mat.add %79, %79 : (tensor<1x1xf64>, tensor<1x1xf64>) -> tensor<1x1xf64>
-      %81 = mat.add %80, %74 : (tensor<1x1xf64>, tensor<1x1xf64>) -> tensor<1x1xf64>
-      %82 = mat.scale %24, %81 : (tensor<1x1xf64>, tensor<1x1xf64>) -> tensor<1x1xf64>
-      %83 = mat.scale %82, %4 : (tensor<1x1xf64>, tensor<1x3xf64>) -> tensor<1x3xf64>
-      %84 = mat.scale %25, %59 : (tensor<1x1xf64>, tensor<1x3xf64>) -> tensor<1x3xf64>
-      %85 = mat.add %83, %84 : (tensor<1x3xf64>, tensor<1x3xf64>) -> tensor<1x3xf64>
-      %86 = mat.reshape %85 {shape = array<i64: 3, 1>} : (tensor<1x3xf64>) -> tensor<3x1xf64>
-      %87 = mat.constant {value = dense<[[0.000000e+00, 0.000000e+00, 1.000000e+00]]> : tensor<1x3xf64>} : () -> tensor<1x3xf64>
-      %88 = mat.dot %4, %87 : (tensor<1x3xf64>, tensor<1x3xf64>) -> tensor<1x1xf64>
-      %89 = mat.scale %24, %88 : (tensor<1x1xf64>, tensor<1x1xf64>) -> tensor<1x1xf64>
-      %90 = mat.divide %89, %0 : (tensor<1x1xf64>, tensor<1x1xf64>) -> tensor<1x1xf64>
-      %91 = mat.scale %18, %90 : (tensor<1x1xf64>, tensor<1x1xf64>) -> tensor<1x1xf64>
-      %92 = mat.scale %89, %8 : (tensor<1x1xf64>, tensor<1x1xf64>) -> tensor<1x1xf64>
-      %93 = mat.add %92, %92 : (tensor<1x1xf64>, tensor<1x1xf64>) -> tensor<1x1xf64>
-      %94 = mat.scale %93, %7 : (tensor<1x1xf64>, tensor<1x1xf64>) -> tensor<1x1xf64>
-      %95 = mat.scale %9, %91 : (tensor<1x1xf64>, tensor<1x1xf64>) -> tensor<1x1xf64>
-      %96 = mat.add %94, %95 : (tensor<1x1xf64>, tensor<1x1xf64>) -> tensor<1x1xf64>
-      %97 = mat.add %96, %96 : (tensor<1x1xf64>, tensor<1x1xf64>) -> tensor<1x1xf64>
-      %98 = mat.scale %41, %90 : (tensor<1x1xf64>, tensor<1x1xf64>) -> tensor<1x1xf64>
-      %99 = mat.scale %98, %17 : (tensor<1x1xf64>, tensor<1x1xf64>) -> tensor<1x1xf64>
-      %100 = mat.scale %18, %97 : (tensor<1x1xf64>, tensor<1x1xf64>) -> tensor<1x1xf64>
-      %101 = mat.add %99, %100 : (tensor<1x1xf64>, tensor<1x1xf64>) -> tensor<1x1xf64>
-      %102 = mat.divide %101, %0 : (tensor<1x1xf64>, tensor<1x1xf64>) -> tensor<1x1xf64>
-      %103 = mat.scale %91, %7 : (tensor<1x1xf64>, tensor<1x1xf64>) -> tensor<1x1xf64>
-      %104 = mat.add %103, %103 : (tensor<1x1xf64>, tensor<1x1xf64>) -> tensor<1x1xf64>
-      %105 = mat.scale %104, %8 : (tensor<1x1xf64>, tensor<1x1xf64>) -> tensor<1x1xf64>
-      %106 = mat.scale %13, %89 : (tensor<1x1xf64>, tensor<1x1xf64>) -> tensor<1x1xf64>
-      %107 = mat.add %105, %106 : (tensor<1x1xf64>, tensor<1x1xf64>) -> tensor<1x1xf64>
-      %108 = mat.add %107, %107 : (tensor<1x1xf64>, tensor<1x1xf64>) -> tensor<1x1xf64>
-      %109 = mat.add %108, %102 : (tensor<1x1xf64>, tensor<1x1xf64>) -> tensor<1x1xf64>
-      %110 = mat.scale %24, %109 : (tensor<1x1xf64>, tensor<1x1xf64>) -> tensor<1x1xf64>
-      %111 = mat.scale %110, %4 : (tensor<1x1xf64>, tensor<1x3xf64>) -> tensor<1x3xf64>
-      %112 = mat.scale %25, %87 : (tensor<1x1xf64>, tensor<1x3xf64>) -> tensor<1x3xf64>
-      %113 = mat.add %111, %112 : (tensor<1x3xf64>, tensor<1x3xf64>) -> tensor<1x3xf64>
-      %114 = mat.reshape %113 {shape = array<i64: 3, 1>} : (tensor<1x3xf64>) -> tensor<3x1xf64>
-      %115 = mat.concat_cols %58, %86, %114 : (tensor<3x1xf64>, tensor<3x1xf64>, tensor<3x1xf64>) -> tensor<3x3xf64>
-      %116 = mat.constant {value = dense<[[1.000000e+00, 0.000000e+00, 0.000000e+00], [0.000000e+00, 0.000000e+00, 0.000000e+00]]> : tensor<2x3xf64>} : () -> tensor<2x3xf64>
-      %117 = mat.constant {value = dense<[[-1.000000e+00, 0.000000e+00, 0.000000e+00]]> : tensor<1x3xf64>} : () -> tensor<1x3xf64>
-      %118 = mat.constant {value = dense<[[-1.000000e+00], [0.000000e+00], [0.000000e+00]]> : tensor<3x1xf64>} : () -> tensor<3x1xf64>
-      %119 = mat.constant {value = dense<[[0.000000e+00, 1.000000e+00, 0.000000e+00], [0.000000e+00, 0.000000e+00, 0.000000e+00]]> : tensor<2x3xf64>} : () -> tensor<2x3xf64>
-      %120 = mat.constant {value = dense<[[0.000000e+00, -1.000000e+00, 0.000000e+00]]> : tensor<1x3xf64>} : () -> tensor<1x3xf64>
-      %121 = mat.constant {value = dense<[[0.000000e+00], [-1.000000e+00], [0.000000e+00]]> : tensor<3x1xf64>} : () -> tensor<3x1xf64>
-      %122 = mat.constant {value = dense<[[0.000000e+00, 0.000000e+00, 1.000000e+00], [0.000000e+00, 0.000000e+00, 0.000000e+00]]> : tensor<2x3xf64>} : () -> tensor<2x3xf64>
-      %123 = mat.constant {value = dense<[[0.000000e+00, 0.000000e+00, -1.000000e+00]]> : tensor<1x3xf64>} : () -> tensor<1x3xf64>
-      %124 = mat.constant {value = dense<[[0.000000e+00], [0.000000e+00], [-1.000000e+00]]> : tensor<3x1xf64>} : () -> tensor<3x1xf64>
-      %125 = mat.constant {value = dense<[[0.000000e+00, 0.000000e+00, 0.000000e+00], [1.000000e+00, 0.000000e+00, 0.000000e+00]]> : tensor<2x3xf64>} : () -> tensor<2x3xf64>
-      %126 = mat.constant {value = dense<[[1.000000e+00], [0.000000e+00], [0.000000e+00]]> : tensor<3x1xf64>} : () -> tensor<3x1xf64>
-      %127 = mat.constant {value = dense<[[0.000000e+00, 0.000000e+00, 0.000000e+00], [0.000000e+00, 1.000000e+00, 0.000000e+00]]> : tensor<2x3xf64>} : () -> tensor<2x3xf64>
-      %128 = mat.constant {value = dense<[[0.000000e+00], [1.000000e+00], [0.000000e+00]]> : tensor<3x1xf64>} : () -> tensor<3x1xf64>
-      %129 = mat.constant {value = dense<[[0.000000e+00, 0.000000e+00, 0.000000e+00], [0.000000e+00, 0.000000e+00, 1.000000e+00]]> : tensor<2x3xf64>} : () -> tensor<2x3xf64>
-      %130 = mat.constant {value = dense<[[0.000000e+00], [0.000000e+00], [1.000000e+00]]> : tensor<3x1xf64>} : () -> tensor<3x1xf64>
-      %131 = mat.constant {value = dense<[[-1.000000e+00, 0.000000e+00, 0.000000e+00, 1.000000e+00, 0.000000e+00, 0.000000e+00], [0.000000e+00, -1.000000e+00, 0.000000e+00, 0.000000e+00, 1.000000e+00, 0.000000e+00], [0.000000e+00, 0.000000e+00, -1.000000e+00, 0.000000e+00, 0.000000e+00, 1.000000e+00]]> : tensor<3x6xf64>} : () -> tensor<3x6xf64>
-      %132 = mat.congruence %115, %131 : (tensor<3x3xf64>, tensor<3x6xf64>) -> tensor<6x6xf64>
-      %133 = mat.neg %26 : (tensor<1x3xf64>) -> tensor<1x3xf64>
-      %134 = mat.embed %26 {place = array<i64: 1, 0, 2, 3>} : (tensor<1x3xf64>) -> tensor<2x3xf64>
-      %135 = mat.embed %133 {place = array<i64: 0, 0, 2, 3>} : (tensor<1x3xf64>) -> tensor<2x3xf64>
-      %136 = mat.add %134, %135 : (tensor<2x3xf64>, tensor<2x3xf64>) -> tensor<2x3xf64>
-      %137 = mat.reshape %136 {shape = array<i64: 6, 1>} : (tensor<2x3xf64>) -> tensor<6x1xf64>
-      rel.yield_derivative gradient %137 : tensor<6x1xf64> hessian %132 : tensor<6x6xf64> wrt %1 : tensor<2x3xf64>
+      %62 = mat.scale %52, %61 : (tensor<1x1xf64>, tensor<1x1xf64>) -> tensor<1x1xf64>
+      %63 = mat.scale %62, %4 : (tensor<1x1xf64>, tensor<1x3xf64>) -> tensor<1x3xf64>
+      %64 = mat.scale %25, %29 : (tensor<1x1xf64>, tensor<1x3xf64>) -> tensor<1x3xf64>
+      %65 = mat.add %63, %64 : (tensor<1x3xf64>, tensor<1x3xf64>) -> tensor<1x3xf64>
+      %66 = mat.reshape %65 {shape = array<i64: 3, 1>} : (tensor<1x3xf64>) -> tensor<3x1xf64>
+      %67 = mat.dot %4, %30 : (tensor<1x3xf64>, tensor<1x3xf64>) -> tensor<1x1xf64>
+      %68 = mat.scale %24, %67 : (tensor<1x1xf64>, tensor<1x1xf64>) -> tensor<1x1xf64>
+      %69 = mat.scale %52, %68 : (tensor<1x1xf64>, tensor<1x1xf64>) -> tensor<1x1xf64>
+      %70 = mat.scale %69, %4 : (tensor<1x1xf64>, tensor<1x3xf64>) -> tensor<1x3xf64>
+      %71 = mat.scale %25, %30 : (tensor<1x1xf64>, tensor<1x3xf64>) -> tensor<1x3xf64>
+      %72 = mat.add %70, %71 : (tensor<1x3xf64>, tensor<1x3xf64>) -> tensor<1x3xf64>
+      %73 = mat.reshape %72 {shape = array<i64: 3, 1>} : (tensor<1x3xf64>) -> tensor<3x1xf64>
+      %74 = mat.concat_cols %59, %66, %73 : (tensor<3x1xf64>, tensor<3x1xf64>, tensor<3x1xf64>) -> tensor<3x3xf64>
+      %75 = mat.constant {value = dense<[[1.000000e+00, 0.000000e+00, 0.000000e+00], [0.000000e+00, 0.000000e+00, 0.000000e+00]]> : tensor<2x3xf64>} : () -> tensor<2x3xf64>
+      %76 = mat.constant {value = dense<[[0.000000e+00, 1.000000e+00, 0.000000e+00], [0.000000e+00, 0.000000e+00, 0.000000e+00]]> : tensor<2x3xf64>} : () -> tensor<2x3xf64>
+      %77 = mat.constant {value = dense<[[0.000000e+00, 0.000000e+00, 1.000000e+00], [0.000000e+00, 0.000000e+00, 0.000000e+00]]> : tensor<2x3xf64>} : () -> tensor<2x3xf64>
+      %78 = mat.constant {value = dense<[[0.000000e+00, 0.000000e+00, 0.000000e+00], [1.000000e+00, 0.000000e+00, 0.000000e+00]]> : tensor<2x3xf64>} : () -> tensor<2x3xf64>
+      %79 = mat.constant {value = dense<[[0.000000e+00, 0.000000e+00, 0.000000e+00], [0.000000e+00, 1.000000e+00, 0.000000e+00]]> : tensor<2x3xf64>} : () -> tensor<2x3xf64>
+      %80 = mat.constant {value = dense<[[0.000000e+00, 0.000000e+00, 0.000000e+00], [0.000000e+00, 0.000000e+00, 1.000000e+00]]> : tensor<2x3xf64>} : () -> tensor<2x3xf64>
+      %81 = mat.constant {value = dense<[[-1.000000e+00, 0.000000e+00, 0.000000e+00]]> : tensor<1x3xf64>} : () -> tensor<1x3xf64>
+      %82 = mat.constant {value = dense<[[-1.000000e+00], [0.000000e+00], [0.000000e+00]]> : tensor<3x1xf64>} : () -> tensor<3x1xf64>
+      %83 = mat.constant {value = dense<[[0.000000e+00, -1.000000e+00, 0.000000e+00]]> : tensor<1x3xf64>} : () -> tensor<1x3xf64>
+      %84 = mat.constant {value = dense<[[0.000000e+00], [-1.000000e+00], [0.000000e+00]]> : tensor<3x1xf64>} : () -> tensor<3x1xf64>
+      %85 = mat.constant {value = dense<[[0.000000e+00, 0.000000e+00, -1.000000e+00]]> : tensor<1x3xf64>} : () -> tensor<1x3xf64>
+      %86 = mat.constant {value = dense<[[0.000000e+00], [0.000000e+00], [-1.000000e+00]]> : tensor<3x1xf64>} : () -> tensor<3x1xf64>
+      %87 = mat.constant {value = dense<[[1.000000e+00], [0.000000e+00], [0.000000e+00]]> : tensor<3x1xf64>} : () -> tensor<3x1xf64>
+      %88 = mat.constant {value = dense<[[0.000000e+00], [1.000000e+00], [0.000000e+00]]> : tensor<3x1xf64>} : () -> tensor<3x1xf64>
+      %89 = mat.constant {value = dense<[[0.000000e+00], [0.000000e+00], [1.000000e+00]]> : tensor<3x1xf64>} : () -> tensor<3x1xf64>
+      %90 = mat.constant {value = dense<[[-1.000000e+00, 0.000000e+00, 0.000000e+00, 1.000000e+00, 0.000000e+00, 0.000000e+00], [0.000000e+00, -1.000000e+00, 0.000000e+00, 0.000000e+00, 1.000000e+00, 0.000000e+00], [0.000000e+00, 0.000000e+00, -1.000000e+00, 0.000000e+00, 0.000000e+00, 1.000000e+00]]> : tensor<3x6xf64>} : () -> tensor<3x6xf64>
+      %91 = mat.congruence %74, %90 : (tensor<3x3xf64>, tensor<3x6xf64>) -> tensor<6x6xf64>
+      %92 = mat.neg %26 : (tensor<1x3xf64>) -> tensor<1x3xf64>
+      %93 = mat.embed %26 {place = array<i64: 1, 0, 2, 3>} : (tensor<1x3xf64>) -> tensor<2x3xf64>
+      %94 = mat.embed %92 {place = array<i64: 0, 0, 2, 3>} : (tensor<1x3xf64>) -> tensor<2x3xf64>
+      %95 = mat.add %93, %94 : (tensor<2x3xf64>, tensor<2x3xf64>) -> tensor<2x3xf64>
+      %96 = mat.reshape %95 {shape = array<i64: 6, 1>} : (tensor<2x3xf64>) -> tensor<6x1xf64>
+      rel.yield_derivative gradient %96 : tensor<6x1xf64> hessian %91 : tensor<6x6xf64> wrt %1 : tensor<2x3xf64>
     }
   }
 }

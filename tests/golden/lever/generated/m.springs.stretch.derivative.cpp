@@ -7,13 +7,13 @@ extern "C" long yasps<m.tips.x.jacobian>_curve(Arguments, long, const double*, d
 extern "C" void yasps<m.tips.x>_value(Arguments, long, double*);
 static inline void derive_pack(const V* x0, V* y0, V* y1) {
     const V t6 = x0[0] - x0[2];
-    const V t7 = -t6;
-    const V t8 = x0[1] - x0[3];
-    const V t9 = -t8;
+    const V t7 = x0[1] - x0[3];
+    const V t9 = -t6;
+    const V t10 = -t7;
     y0[0] = t6;
-    y0[1] = t8;
-    y0[2] = t7;
-    y0[3] = t9;
+    y0[1] = t7;
+    y0[2] = t9;
+    y0[3] = t10;
     y1[0] = splat(1.0);
     y1[1] = splat(0.0);
     y1[2] = splat(-1.0);

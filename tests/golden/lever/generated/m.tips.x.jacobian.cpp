@@ -8,9 +8,8 @@ static inline void pull_back_one(const double* x0, const double* x1, const doubl
     const double t7 = x1[0] * t6;
     const double t8 = x2[0] * t7;
     const double t9 = x2[1] * t5;
-    const double t10 = t8 - t9;
-    const double t11 = -t10;
-    y0[0] = t11;
+    const double t10 = t9 - t8;
+    y0[0] = t10;
 }
 
 extern "C" long yasps<m.tips.x.jacobian>_pull(Arguments a, long i, const double* b, long n, double* out) {

@@ -27,8 +27,8 @@ static inline void value_pack(const V* x0, V* y0) {
     const V t10 = t7 * t7;
     const V t11 = t8 * t8;
     const V t12 = t9 * t9;
-    const V t13 = t10 + t11;
-    const V t14 = t12 + t13;
+    const V t13 = t10 + t12;
+    const V t14 = t11 + t13;
     const V t15 = t14 / splat(2.5);
     const V t16 = v_log(t15);
     const V t17 = splat(2.5) - t14;

@@ -22,11 +22,11 @@ static inline void value_pack(const V* x0, V* y0) {
     const V t31 = t19 * t24;
     const V t32 = t20 * t27;
     const V t33 = t21 * t30;
-    const V t34 = t31 - t32;
-    const V t35 = t33 + t34;
-    const V t36 = splat(0.5) + t35;
-    const V t38 = splat(3.0) * t36;
-    const V t39 = t36 * t38;
+    const V t34 = splat(0.5) + t33;
+    const V t35 = t31 + t34;
+    const V t36 = t35 - t32;
+    const V t38 = t36 * t36;
+    const V t39 = splat(3.0) * t38;
     y0[0] = t39;
 }
 

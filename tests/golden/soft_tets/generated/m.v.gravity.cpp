@@ -1,8 +1,8 @@
 // backend/kernel_prelude.h stands here
 
 static inline void value_pack(const V* x0, const V* x1, V* y0) {
-    const V t5 = splat(9.8) * x1[0];
-    const V t6 = x0[1] * t5;
+    const V t5 = x0[1] * x1[0];
+    const V t6 = splat(9.8) * t5;
     y0[0] = t6;
 }
 

@@ -1,0 +1,191 @@
+"""Breaks derivative and index rules one by one and says which property tests notice. Not a test: run it by hand.
+
+    python tests/properties/mutation_check.py [number ...]
+
+Each mutation is made in a temporary copy of the project, where the property tests run with few examples and without
+shrinking. A rule nobody misses when it is wrong is a rule that is not tested.
+"""
+
+from __future__ import annotations
+
+import os
+import re
+import shutil
+import subprocess
+import sys
+import tempfile
+from dataclasses import dataclass
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parents[2]
+FOLDERS = ("yasps", "dialects", "passes", "frontend", "backend", "runtime", "examples", "tests", "pyproject.toml")
+MOST_SECONDS = 900
+
+
+@dataclass(frozen=True)
+class Mutation:
+    """One line made wrong."""
+
+    title: str
+    file: str
+    right: str
+    wrong: str
+
+
+MUTATIONS = (
+    Mutation(
+        "cross: a sign in the pullback",
+        "dialects/mat/algebra.py",
+        "return (b.cross(y, cotangent), b.cross(cotangent, x))",
+        "return (b.cross(y, cotangent), b.cross(x, cotangent))",
+    ),
+    Mutation(
+        "matmul: a term of the pushforward",
+        "dialects/mat/algebra.py",
+        "return b.total((dx and b.matmul(dx, y), dy and b.matmul(x, dy)))",
+        "return b.total((dx and b.matmul(dx, y),))",
+    ),
+    Mutation(
+        "cofactor 3x3: a sign of its derivative",
+        "dialects/mat/algebra.py",
+        "b.cross(b.row(matrix, after), b.row(direction, last)),",
+        "b.cross(b.row(direction, last), b.row(matrix, after)),",
+    ),
+    Mutation(
+        "divide: a sign in the pullback",
+        "dialects/mat/elementwise.py",
+        "return (to_matrix, b.neg(b.dot(to_matrix, self.result)))",
+        "return (to_matrix, b.dot(to_matrix, self.result))",
+    ),
+    Mutation(
+        "pow: the exponent of its derivative",
+        "dialects/mat/elementwise.py",
+        "b.power(self.operands[0], self.power - 1.0))",
+        "b.power(self.operands[0], self.power - 2.0))",
+    ),
+    Mutation(
+        "hadamard: said to be linear in both operands",
+        "dialects/mat/elementwise.py",
+        """        return inputs[0] * inputs[1]
+
+    def is_linear(self, active: Sequence[bool]) -> bool:
+        return sum(active) <= 1
+
+    def pushforward(self, b: MatBuilder, tangents: Sequence[SSAValue | None]) -> SSAValue | None:
+        x, y""",
+        """        return inputs[0] * inputs[1]
+
+    def is_linear(self, active: Sequence[bool]) -> bool:
+        return True
+
+    def pushforward(self, b: MatBuilder, tangents: Sequence[SSAValue | None]) -> SSAValue | None:
+        x, y""",
+    ),
+    Mutation(
+        "reverse mode: cotangents of several uses not added",
+        "passes/derivatives.py",
+        "part if known is None else b.add(known, part)",
+        "part",
+    ),
+    Mutation(
+        "infer-indices: a union's capacity is its smallest member's",
+        "passes/infer_indices.py",
+        "capacity = max(",
+        "capacity = min(",
+    ),
+    Mutation(
+        "kernels: a target's placement index off by one instance's",
+        "backend/cpp_object.py",
+        'return [f"{out}[0] = (int)({start}[0]{offset} + 1);"]',
+        'return [f"{out}[0] = (int)({start}[0]{offset} + 2);"]',
+    ),
+    Mutation(
+        "kernels: a union's branches all start at 0 in the pull-back",
+        "backend/cpp_object.py",
+        "const long j = i - {offsets}[{k}]; (void)j; return {pull};",
+        "const long j = i - {offsets}[0]; (void)j; return {pull};",
+    ),
+    Mutation(
+        "kernels: transpose flag ignored in add_block",
+        "backend/kernel_prelude.h",
+        "} else if (position & 1) {",
+        "} else if (position & 0) {",
+    ),
+    Mutation(
+        "runtime: no flag for two slots that are one block",
+        "runtime/block_matrix.cpp",
+        "(a != b && i_block == j_block ? 2u : 0u)",
+        "(a < 0 && i_block == j_block ? 2u : 0u)",
+    ),
+    Mutation(
+        "curvature: what lies behind a nonlinear layer is dropped",
+        "backend/cpp_curvature.py",
+        "if any(text.scene.is_curved(slot.source) for slot in slots):\n        lines += transposed",
+        "if False:\n        lines += transposed",
+    ),
+    Mutation(
+        "congruence: reads the lower triangle, which is not filled",
+        "dialects/mat/calculus.py",
+        "middle[min(i, j) * inner + max(i, j)]",
+        "middle[max(i, j) * inner + min(i, j)]",
+    ),
+    Mutation(
+        "project-psd: abs and clamp exchanged in the scalar code",
+        "passes/lower_to_scalar.py",
+        "projection.mode.data",
+        '("abs" if projection.mode.data == "clamp" else "clamp")',
+    ),
+)
+
+
+def run(mutation: Mutation, folder: Path) -> tuple[list[str], str]:
+    """Names of the tests that fail, and what pytest said last."""
+    path = folder / mutation.file
+    text = path.read_text(encoding="utf-8")
+    if text.count(mutation.right) != 1:
+        return [], f"NOT APPLIED: the text occurs {text.count(mutation.right)} times in {mutation.file}"
+    path.write_text(text.replace(mutation.right, mutation.wrong), encoding="utf-8")
+    environment = {
+        **os.environ,
+        "PYTHONPATH": str(folder),
+        "YASPS_HYPOTHESIS_PROFILE": "mutation",
+        "PYTHONDONTWRITEBYTECODE": "1",
+    }
+    try:
+        done = subprocess.run(
+            [sys.executable, "-m", "pytest", "-rf", "-p", "no:cacheprovider", "--tb=line", "tests/properties"],
+            cwd=folder,
+            env=environment,
+            capture_output=True,
+            text=True,
+            timeout=MOST_SECONDS,
+            check=False,
+        )
+    finally:
+        path.write_text(text, encoding="utf-8")
+    failed = re.findall(r"^FAILED \S+::(\w+)", done.stdout, re.MULTILINE)
+    return failed, done.stdout.strip().splitlines()[-1] if done.stdout.strip() else done.stderr[-300:]
+
+
+def main() -> int:
+    """Prints a table; the exit status is the number of mutations that nobody noticed."""
+    chosen = [MUTATIONS[int(k) - 1] for k in sys.argv[1:]] or list(MUTATIONS)
+    unnoticed = 0
+    with tempfile.TemporaryDirectory(prefix="yasps-mutations-") as temporary:
+        folder = Path(temporary)
+        for name in FOLDERS:
+            source = ROOT / name
+            if source.is_dir():
+                shutil.copytree(source, folder / name, symlinks=True, ignore=shutil.ignore_patterns("__pycache__"))
+            else:
+                shutil.copy(source, folder / name)
+        print("| broken rule | noticed by |\n|---|---|", flush=True)
+        for mutation in chosen:
+            failed, said = run(mutation, folder)
+            unnoticed += not failed
+            print(f"| {mutation.title} | {', '.join(failed) or f'**nobody** ({said})'} |", flush=True)
+    return unnoticed
+
+
+if __name__ == "__main__":
+    sys.exit(main())
