@@ -64,7 +64,7 @@ def indented(lines: list[str]) -> list[str]:
 
 
 def _projection(derivative: DerivativeOp) -> ProjectOp | None:
-    """The projection between the derivatives and the Hessian, if there is one; a Hessian that is zero may not read it."""
+    """The projection, if there is one. It need not be on the way to the Hessian: that may be zero and read nothing."""
     return next((op for op in derivative.body.block.ops if isinstance(op, ProjectOp)), None)
 
 

@@ -10,7 +10,7 @@ from pathlib import Path
 
 from rich.console import Console
 
-from benchmarks import elements
+from benchmarks import codegrowth, elements, opcounts, symbolic
 from benchmarks.measure import Report, Settings, show, write_json
 from yasps.runtime.library import available_processors
 
@@ -26,6 +26,9 @@ class Benchmark:
 
 BENCHMARKS = {
     "elements": Benchmark(elements.DESCRIPTION, elements.DEFAULT_SIZE, elements.run),
+    "opcounts": Benchmark(opcounts.DESCRIPTION, 1, opcounts.run),
+    "symbolic": Benchmark(symbolic.DESCRIPTION, 1, symbolic.run),
+    "codegrowth": Benchmark(codegrowth.DESCRIPTION, 1, codegrowth.run),
 }
 
 

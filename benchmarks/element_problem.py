@@ -102,8 +102,17 @@ class Problem:
         return high
 
 
-def make_problem(tets: Tets, threads: int) -> Problem:
-    """The scene, compiled and its structure built."""
+@dataclass(frozen=True)
+class TetsScene:
+    """A scene of stable Neo-Hookean tets, nothing compiled yet."""
+
+    scene: Scene
+    position: Attribute
+    corners: Connectivity
+
+
+def tets_scene(tets: Tets, threads: int) -> TetsScene:
+    """The scene of these tets, with one energy and one target."""
     scene = Scene("elements", threads=threads)
     body = scene.add_mesh("body")
     vertices = body.add_primitive("vertices", num_instances=len(tets.vertices))
@@ -123,6 +132,12 @@ def make_problem(tets: Tets, threads: int) -> Problem:
     )
     scene.add_energy(elements.add_attribute("stable_neo_hookean", computed_attribute=energy))
     scene.add_minimize_target(position)
-    compiled = scene.compile()
+    return TetsScene(scene, position, corners)
+
+
+def make_problem(tets: Tets, threads: int) -> Problem:
+    """The scene, compiled and its structure built."""
+    made = tets_scene(tets, threads)
+    compiled = made.scene.compile()
     compiled.update_structure()
-    return Problem(tets, position, corners, compiled, threads)
+    return Problem(tets, made.position, made.corners, compiled, threads)

@@ -7,6 +7,7 @@ from typing import Any
 
 import sympy as sp
 
+from benchmarks.energies import ENERGIES as SHAPES
 from benchmarks.energies import Shapes
 from yasps.frontend.contact import KINDS
 
@@ -21,6 +22,15 @@ def symbols_of(shapes: Shapes) -> dict[str, Any]:
         for name, (rows, cols) in shapes.items()
     }
     return {name: matrix[0, 0] if matrix.shape == (1, 1) else matrix for name, matrix in made.items()}
+
+
+def derivatives(name: str) -> tuple[list[tuple[Any, Any]], list[Any]]:
+    """Gradient and upper Hessian of the energy of this name as cse gives them: temporaries, and expressions in them."""
+    energy = SHAPES[name]
+    values = symbols_of(energy.variables | energy.constants)
+    unknowns = [symbol for variable in energy.variables for symbol in values[variable]]
+    replacements, reduced = sp.cse(gradient_and_upper_hessian(ENERGIES[name](values), unknowns))
+    return list(replacements), list(reduced)
 
 
 def gradient_and_upper_hessian(energy: Any, unknowns: Sequence[Any]) -> list[Any]:

@@ -87,7 +87,7 @@ class ScalarGraph:
             return self.sub(a, self.arguments[b][0])
         if kind_a == "neg":
             return self.sub(b, self.arguments[a][0])
-        if a == b:  # as a product, so that constant factors meet
+        if a == b and kind_a != "constant":  # as a product, so that constant factors meet
             return self.mul(self.constant(2.0), a)
         return self._node("add", (a, b) if a < b else (b, a))
 

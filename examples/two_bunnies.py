@@ -287,7 +287,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     start = time.perf_counter()
     shape = read_tetrahedral_mesh(options.mesh) if options.mesh else rabbit(options.vertices)
     times = TimeTable()
-    example = two_bunnies(shape, threads=options.threads, times=times)
+    with times.stage("build, and compile positions"):
+        example = two_bunnies(shape, threads=options.threads, times=times)
     print(f"{len(example.soft.vertices)} vertices and {len(example.soft.tets)} tets each", file=sys.stderr)
     with times.stage("compile"):
         report = example.scene.compile_report

@@ -66,7 +66,7 @@ WIDTHS: dict[str, tuple[int, Callable[[Attribute], Attribute], str]] = {
     "all three edges of a triangle": (
         3,
         lambda x: sum(((x.row(i) - x.row(j)).norm() for i, j in ((0, 1), (1, 2))), (x.row(2) - x.row(0)).norm()),
-        f"9x9 of 9x9: {WHOLE}",
+        f"6x6 of 9x9: {CUT}",
     ),
     "one coordinate": (3, lambda x: (x.col(2).sum() - 1.0) ** 4, f"1x1 of 9x9: {CUT}"),
     "a linear part beside": (2, lambda x: x.sum() + (x.row(1) - x.row(0)).norm(), f"3x3 of 6x6: {CUT}"),

@@ -15,11 +15,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, eq=False)
 class Exact:
     """A rational number; a float beside it counts as the rational it is (`Fraction` would become a float)."""
 
     value: Fraction
+
+    def __eq__(self, other: object) -> bool:
+        return self.value == fraction(other)
+
+    def __hash__(self) -> int:
+        return hash(self.value)
 
     def __add__(self, other: Any) -> Exact:
         return Exact(self.value + fraction(other))

@@ -2,8 +2,8 @@
 
     python tests/properties/mutation_check.py [number ...]
 
-Each mutation is made in a temporary copy of the project, where the property tests run with few examples and without
-shrinking. A rule nobody misses when it is wrong is a rule that is not tested.
+Each mutation is made in a temporary copy of the project, where property tests run without shrinking: expressions for the
+rules of operations, scenes for the rest. A rule nobody misses when it is wrong is a rule that is not tested.
 """
 
 from __future__ import annotations
@@ -30,6 +30,7 @@ class Mutation:
     file: str
     right: str
     wrong: str
+    tests: str = "tests/properties"
 
 
 MUTATIONS = (
@@ -38,30 +39,35 @@ MUTATIONS = (
         "dialects/mat/algebra.py",
         "return (b.cross(y, cotangent), b.cross(cotangent, x))",
         "return (b.cross(y, cotangent), b.cross(x, cotangent))",
+        "tests/properties/test_expressions.py",
     ),
     Mutation(
         "matmul: a term of the pushforward",
         "dialects/mat/algebra.py",
         "return b.total((dx and b.matmul(dx, y), dy and b.matmul(x, dy)))",
         "return b.total((dx and b.matmul(dx, y),))",
+        "tests/properties/test_expressions.py",
     ),
     Mutation(
         "cofactor 3x3: a sign of its derivative",
         "dialects/mat/algebra.py",
         "b.cross(b.row(matrix, after), b.row(direction, last)),",
         "b.cross(b.row(direction, last), b.row(matrix, after)),",
+        "tests/properties/test_expressions.py",
     ),
     Mutation(
         "divide: a sign in the pullback",
         "dialects/mat/elementwise.py",
         "return (to_matrix, b.neg(b.dot(to_matrix, self.result)))",
         "return (to_matrix, b.dot(to_matrix, self.result))",
+        "tests/properties/test_expressions.py",
     ),
     Mutation(
         "pow: the exponent of its derivative",
         "dialects/mat/elementwise.py",
         "b.power(self.operands[0], self.power - 1.0))",
         "b.power(self.operands[0], self.power - 2.0))",
+        "tests/properties/test_expressions.py",
     ),
     Mutation(
         "hadamard: said to be linear in both operands",
@@ -80,60 +86,70 @@ MUTATIONS = (
 
     def pushforward(self, b: MatBuilder, tangents: Sequence[SSAValue | None]) -> SSAValue | None:
         x, y""",
+        "tests/properties/test_expressions.py",
     ),
     Mutation(
         "reverse mode: cotangents of several uses not added",
         "passes/derivatives.py",
         "part if known is None else b.add(known, part)",
         "part",
+        "tests/properties/test_expressions.py",
     ),
     Mutation(
         "infer-indices: a union's capacity is its smallest member's",
         "passes/infer_indices.py",
         "capacity = max(",
         "capacity = min(",
+        "tests/properties/test_scenes.py",
     ),
     Mutation(
         "kernels: a target's placement index off by one instance's",
         "backend/cpp_object.py",
         'return [f"{out}[0] = (int)({start}[0]{offset} + 1);"]',
         'return [f"{out}[0] = (int)({start}[0]{offset} + 2);"]',
+        "tests/properties/test_scenes.py",
     ),
     Mutation(
         "kernels: a union's branches all start at 0 in the pull-back",
         "backend/cpp_object.py",
         "const long j = i - {offsets}[{k}]; (void)j; return {pull};",
         "const long j = i - {offsets}[0]; (void)j; return {pull};",
+        "tests/properties/test_scenes.py",
     ),
     Mutation(
         "kernels: transpose flag ignored in add_block",
         "backend/kernel_prelude.h",
         "} else if (position & 1) {",
         "} else if (position & 0) {",
+        "tests/properties/test_scenes.py",
     ),
     Mutation(
         "runtime: no flag for two slots that are one block",
         "runtime/block_matrix.cpp",
         "(a != b && i_block == j_block ? 2u : 0u)",
         "(a < 0 && i_block == j_block ? 2u : 0u)",
+        "tests/properties/test_scenes.py",
     ),
     Mutation(
         "curvature: what lies behind a nonlinear layer is dropped",
         "backend/cpp_curvature.py",
         "if any(text.scene.is_curved(slot.source) for slot in slots):\n        lines += transposed",
         "if False:\n        lines += transposed",
+        "tests/properties/test_scenes.py",
     ),
     Mutation(
         "congruence: reads the lower triangle, which is not filled",
         "dialects/mat/calculus.py",
         "middle[min(i, j) * inner + max(i, j)]",
         "middle[max(i, j) * inner + min(i, j)]",
+        "tests/properties/test_scenes.py",
     ),
     Mutation(
         "project-psd: abs and clamp exchanged in the scalar code",
         "passes/lower_to_scalar.py",
         "projection.mode.data",
         '("abs" if projection.mode.data == "clamp" else "clamp")',
+        "tests/properties/test_scenes.py",
     ),
 )
 
@@ -153,7 +169,7 @@ def run(mutation: Mutation, folder: Path) -> tuple[list[str], str]:
     }
     try:
         done = subprocess.run(
-            [sys.executable, "-m", "pytest", "-rf", "-p", "no:cacheprovider", "--tb=line", "tests/properties"],
+            [sys.executable, "-m", "pytest", "-rf", "-p", "no:cacheprovider", "--tb=line", mutation.tests],
             cwd=folder,
             env=environment,
             capture_output=True,

@@ -1,6 +1,6 @@
 """How many examples a run draws: YASPS_HYPOTHESIS_PROFILE is "ci" (default), "nightly", or "mutation".
 
-"mutation" is for mutation_check.py: a third of ci's examples, and no shrinking. The profiles are registered with
+"mutation" is for mutation_check.py: ci's examples, not shrunk. The profiles are registered with
 hypothesis but not loaded: other folders' tests keep their own settings.
 """
 
@@ -29,5 +29,5 @@ def register() -> None:
 def examples(ci: int, nightly: int) -> settings:
     """Settings of one test: the current profile with this many examples."""
     register()
-    counts = {"ci": ci, "nightly": nightly, "mutation": (ci + 2) // 3}
+    counts = {"ci": ci, "nightly": nightly, "mutation": ci}
     return settings(settings.get_profile(PROFILE), max_examples=counts[PROFILE])

@@ -113,6 +113,13 @@ OPERATIONS: dict[str, Operation] = {
     "norm": Operation("{0}.norm()", lambda a: one(np.sqrt((a * a).sum())), "norm", False),
     "root": Operation("power(positive({0}), -1.5)", lambda a: (1.5 + a * a) ** -1.5, "pow", False),
 }
+FITTING: dict[str, tuple[Shape, ...]] = {
+    "cross": ((3, 1), (3, 1)),
+    "divide": ((1, 1), (2, 1)),
+    "matmul": ((2, 3), (3, 1)),
+    **dict.fromkeys(("det", "cofactor", "inverse"), ((3, 3),)),
+}
+"""Inputs that an expression which begins with this operation surely has."""
 _ONE_SHAPE = ("add", "sub", "hadamard", "dot")
 _SQUARE = ("trace", "det", "cofactor", "inverse")
 
@@ -205,7 +212,12 @@ class _Drawing:
         self.draw = draw
         self.rational = rational
         shapes: list[Shape] = []
-        for shape in draw(st.lists(st.sampled_from(SHAPES), min_size=1, max_size=3)):
+        self.words = [word for word, operation in OPERATIONS.items() if operation.rational or not rational]
+        if not rational:
+            self.words.remove("stop_gradient")  # complex steps see through it
+        self.first = draw(st.sampled_from(self.words))
+        fitting = FITTING.get(self.first, ())
+        for shape in [*fitting, *draw(st.lists(st.sampled_from(SHAPES), min_size=not fitting, max_size=3))]:
             if sum(r * c for r, c in [*shapes, shape]) <= MOST_UNKNOWNS:
                 shapes.append(shape)
         self.expression = Expression(tuple(shapes), (), draw(st.integers(0, 999)))
@@ -260,10 +272,7 @@ class _Drawing:
 
     def step(self) -> None:
         """One random line, or none if the drawn operation does not fit what there is."""
-        words = [word for word, operation in OPERATIONS.items() if operation.rational or not self.rational]
-        if not self.rational:
-            words.remove("stop_gradient")  # complex steps see through it
-        word = self.draw(st.sampled_from(["constant", *words]))
+        word = self.draw(st.sampled_from(["constant", *self.words])) if self.steps else self.first
         if word == "constant":
             rows, cols = self.draw(st.sampled_from(SHAPES[:-1]))
             entry = st.sampled_from((1.0, 2.0, -1.0, 0.5, 0.0))

@@ -90,7 +90,7 @@ def oracle(expression: Expression, instance: int, u: Any, w: Any) -> HyperDual:
     return result
 
 
-@examples(ci=100, nightly=4000)
+@examples(ci=150, nightly=4000)
 @given(expressions(rational=True))
 def test_rational_expressions_are_exact(expression: Expression) -> None:
     modules, data = stages(expression)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import pytest
 from hypothesis import given
 from profiles import examples
 from random_scenes import SceneProgram, scenes
@@ -11,14 +10,13 @@ from scene_checks import check_kernels, check_passes
 from yasps.runtime.library import Runtime
 
 
-@examples(ci=120, nightly=2000)
+@examples(ci=160, nightly=2000)
 @given(program=scenes())
 def test_passes(program: SceneProgram) -> None:
     check_passes(program.build())
 
 
-@pytest.mark.slow
-@examples(ci=24, nightly=2000)
+@examples(ci=40, nightly=2000)
 @given(program=scenes())
 def test_kernels(program: SceneProgram, runtime: Runtime) -> None:
     check_kernels(program.build(), runtime)
