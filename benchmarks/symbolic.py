@@ -15,19 +15,20 @@ from yasps.passes.pipeline import run_pipeline
 
 DESCRIPTION = "time of the symbolic stages: one energy, and the scene two_bunnies, pass by pass, ms"
 NOTES = (
-    "Least and median of all rounds. Each pass with its verification; frontend: expressions to IR. One thread.",
-    "The mesh, small boxes for rabbits here, plays no part. total: all of them; from the registered energies to one module of scalar code for each object file.",
+    "Processor time, least and median of all rounds. Each pass with its verification; frontend: expressions to IR.",
+    "total: from the registered energies to one module of scalar code for each object file. The mesh, small boxes for "
+    "rabbits here, plays no part.",
 )
 
 
 def stages(scene: Scene) -> dict[str, float]:
-    """Seconds of the frontend and of each pass."""
+    """Seconds of processor time of the frontend and of each pass."""
     seconds: dict[str, float] = {}
-    last = time.perf_counter()
+    last = time.process_time()
 
     def after(name: str, module: object) -> None:
         nonlocal last
-        now = time.perf_counter()
+        now = time.process_time()
         seconds[name] = now - last
         last = now
 

@@ -37,6 +37,8 @@ class Connectivity:
         self.source = source
         self.target = target
         self.is_variable = arity is None
+        self.needs_neighbours = False
+        """Is some mean taken through it? Then no instance may be connected to nothing."""
         self.arity = arity if arity is not None else 1
         self._indices = self._checked(indices) if counts is None else self._checked_variable(indices, counts)
         if self.is_variable:
@@ -129,6 +131,11 @@ class Connectivity:
         if lengths.size and lengths.min() < 0:
             raise ConnectivityError(
                 f"{self.path}: count {lengths.min()} of instance {int(lengths.argmin())} is negative"
+            )
+        if self.needs_neighbours and lengths.size and lengths.min() == 0:
+            raise ConnectivityError(
+                f"{self.path}: instance {int(lengths.argmin())} is connected to nothing, and a mean is taken through this "
+                "connectivity"
             )
         if lengths.sum() != flat.size:
             raise ConnectivityError(

@@ -265,6 +265,7 @@ class Entity(abc.ABC):
                 "there is "
                 'no mean of nothing; use operation="sum"'
             )
+        through.needs_neighbours = through.needs_neighbours or operation == "mean"
         return self._register(name, Attribute(self, source.shape, Joined(through, source, operation), name))
 
     def _add_union(self, name: str) -> Attribute:

@@ -14,6 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from yasps.frontend.attribute import Attribute, as_attribute, concat_rows, identity
 from yasps.frontend.errors import SceneError, ShapeMismatchError
+from yasps.frontend.functions import select
 
 Scalar = Attribute | float
 
@@ -63,6 +64,39 @@ def rest_shape(vertices: ArrayLike, tets: ArrayLike) -> tuple[NDArray[np.float64
     return np.linalg.inv(edges), volumes
 
 
+def rest_triangles(
+    vertices: ArrayLike, triangles: ArrayLike, warp: ArrayLike = (1.0, 0.0, 0.0)
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """For triangles at rest: inverse of the 2x2 matrix whose columns are the edges from vertex 0, [m, 2, 2] in 1/m, and
+    area [m^2].
+
+    Plane coordinates are along `warp`, projected into each triangle's plane, and across it.
+    Raises ShapeMismatchError for wrong shapes, SceneError for a triangle of no area or one that warp is normal to.
+    """
+    x, t = np.asarray(vertices, dtype=np.float64), np.asarray(triangles)
+    if x.ndim != 2 or x.shape[1] != 3 or t.ndim != 2 or t.shape[1] != 3:
+        raise ShapeMismatchError(
+            f"rest_triangles needs vertices [n, 3] and triangles [m, 3], got {x.shape} and {t.shape}"
+        )
+    edges = x[t[:, 1:]] - x[t[:, :1]]
+    normals = np.cross(edges[:, 0], edges[:, 1])
+    double = np.linalg.norm(normals, axis=1, keepdims=True)
+    flat = np.flatnonzero(~(double > 0))
+    if flat.size:
+        raise SceneError(f"triangle {flat[0]} has no area at rest ({flat.size} triangles have none)")
+    direction = np.asarray(warp, dtype=np.float64)
+    normals = normals / double
+    along = direction - (normals @ direction)[:, None] * normals
+    length = np.linalg.norm(along, axis=1, keepdims=True)
+    upright = np.flatnonzero(~(length > 1e-6 * np.linalg.norm(direction)))
+    if upright.size:
+        raise SceneError(
+            f"warp {tuple(direction.tolist())} is normal to triangle {upright[0]}: choose another direction"
+        )
+    axes = np.stack([along / length, np.cross(normals, along / length)], axis=1)
+    return np.linalg.inv(axes @ edges.swapaxes(1, 2)), 0.5 * double[:, 0]
+
+
 def deformation_gradient(positions: Attribute, rest_edges_inverse: Attribute) -> Attribute:
     """F (3x3) of a linear tet: current edges times the inverse of the rest edges.
 
@@ -87,29 +121,39 @@ def stable_neo_hookean(deformation: Attribute, mu: Scalar, lam: Scalar, volume: 
     return as_attribute(volume) * density
 
 
-def baraff_witkin(deformation: Attribute, stretch: Scalar, shear: Scalar, area: Scalar) -> Attribute:
+def baraff_witkin(
+    deformation: Attribute, stretch: Scalar, shear: Scalar, area: Scalar, *, compression: Scalar = 1.0
+) -> Attribute:
     """Cloth energy [J] of a triangle of rest area [m^2] with 3x2 deformation gradient F = [u v].
 
     A (k_stretch ((|u| - 1)^2 + (|v| - 1)^2) + k_shear (u . v)^2): u and v are the images of warp and weft.
-    Baraff and Witkin 1998, eq. 10 and 11, as an energy of F: Kim 2020, "A finite element formulation of Baraff-Witkin
-    cloth", eq. 9 and 13. stretch, shear [J/m^2]: Pa times thickness. Stretch and compression count alike here.
+    Baraff and Witkin 1998, section 4.2, as an energy of F: Kim 2020, "A finite element formulation of Baraff-Witkin
+    cloth". stretch, shear [J/m^2]: Pa times thickness. compression: k_stretch is multiplied by it in a direction that
+    is shortened, as cloth gives way there (0.01 in the paper's scene 9.1).
     """
     if deformation.shape != (3, 2):
         raise ShapeMismatchError(
-            f"cloth has a 3x2 deformation gradient, got {deformation.path} {deformation.shape}; see "
-            "`triangle_deformation`"
+            f"cloth has a 3x2 deformation gradient, got {deformation.path} {deformation.shape}; `triangle_deformation` "
+            "makes one"
         )
     u, v = deformation.col(0), deformation.col(1)
-    along_u, along_v, tilt = u.norm() - 1, v.norm() - 1, u.dot(v)
-    stretching = as_attribute(stretch) * (along_u * along_u + along_v * along_v)
-    return as_attribute(area) * (stretching + as_attribute(shear) * tilt * tilt)
+    resisting = as_attribute(stretch) * (_strain_energy(u, compression) + _strain_energy(v, compression))
+    tilt = u.dot(v)
+    return as_attribute(area) * (resisting + as_attribute(shear) * tilt * tilt)
+
+
+def _strain_energy(fibre: Attribute, compression: Scalar) -> Attribute:
+    """(|w| - 1)^2, less where the fibre is shortened."""
+    strain = fibre.norm() - 1
+    if isinstance(compression, float | int) and compression == 1:
+        return strain * strain
+    return select(strain < 0, as_attribute(compression), as_attribute(1.0)) * strain * strain
 
 
 def triangle_deformation(positions: Attribute, rest_edges_inverse: Attribute) -> Attribute:
     """F (3x2) of a linear triangle: current edges times the inverse of the rest edges in the triangle's own plane.
 
-    positions: 3x3, one vertex a row (a JOIN); rest_edges_inverse: 2x2 [1/m], columns of its inverse are the rest edges
-    from vertex 0, see `rest_triangles`.
+    positions: 3x3, one vertex a row (a JOIN); rest_edges_inverse: 2x2, see `rest_triangles`.
     """
     if positions.shape != (3, 3):
         raise ShapeMismatchError(f"a triangle has 3x3 positions, got {positions.path} {positions.shape}")

@@ -21,6 +21,8 @@ from yasps.frontend.scene import Scene
 
 ROUNDING = 1e-15
 """Relative change of a total energy that is only rounding."""
+CURVED = 1e-10
+"""Relative distance from its straight way beyond which a vertex moves on a curve, not by rounding."""
 
 
 @dataclass(frozen=True)
@@ -178,7 +180,17 @@ class _Minimization:
         while step > self.settings.shortest_step:
             motion.move(directions, step)
             if self.contact is not None:
-                self.find_contacts(self.positions(), candidates)
+                now = self.positions()
+                way = before + step * (after - before)
+                if np.abs(now - way).max(initial=0.0) > CURVED * np.abs(way).max(initial=0.0):
+                    # A nonlinear parameterisation: the vertices are elsewhere than the bound was made for.
+                    with self.times.stage("contact: CCD"):
+                        candidates = self.contact.geometry.candidates(before, now)
+                        bound = self.contact.geometry.step_bound(before, now, candidates, start_is_free=True)
+                    if bound < 1.0:
+                        step /= 2
+                        continue
+                self.find_contacts(now, candidates)
             if self.energy() <= energy + ROUNDING * abs(energy):
                 self.report.step_lengths.append(step)
                 return

@@ -11,13 +11,13 @@ from dataclasses import dataclass
 
 from xdsl.context import Context
 from xdsl.dialects.builtin import ModuleOp, StringAttr
-from xdsl.ir import Block, Region, SSAValue
+from xdsl.ir import SSAValue
 from xdsl.passes import ModulePass
 
-from yasps.dialects.mat import MatOp, shape_of
+from yasps.dialects.mat import MatBuilder, shape_of
 from yasps.dialects.mat.calculus import CongruenceOp
-from yasps.dialects.rel import DerivativeOp, ReadOp, YieldDerivativeOp
-from yasps.passes.bodies import BodyBuilder, containers
+from yasps.dialects.rel import DerivativeOp, YieldDerivativeOp
+from yasps.passes.bodies import containers
 from yasps.passes.dependence import DependenceMap
 
 
@@ -54,7 +54,7 @@ def _project(derivative: DerivativeOp) -> None:
     full, width = shape_of(terminator.hessian)[0], shape_of(symmetric)[0]
     reason = "the energy reads its inputs through a linear cut" if width < full else "no narrower linear cut"
     derivative.projects = StringAttr(f"{width}x{width} of {full}x{full}: {reason}")
-    _rebuild(derivative, terminator, symmetric, mode)
+    _insert(derivative, terminator, symmetric, mode)
 
 
 def _innermost(derivative: DerivativeOp, terminator: YieldDerivativeOp) -> SSAValue:
@@ -70,26 +70,19 @@ def _innermost(derivative: DerivativeOp, terminator: YieldDerivativeOp) -> SSAVa
     return value
 
 
-def _rebuild(derivative: DerivativeOp, terminator: YieldDerivativeOp, symmetric: SSAValue, mode: str) -> None:
-    """The same body with the projection behind `symmetric`, for the Hessian alone."""
-    b = BodyBuilder(Block())
-    plain: dict[SSAValue, SSAValue] = {}
-    for op in derivative.body.block.ops:
-        if isinstance(op, ReadOp):
-            plain[op.result] = b.read(op)
-        elif isinstance(op, MatOp):
-            plain[op.result] = b.copy(op, [plain[v] for v in op.operands])
-    projected = {symmetric: b.project_psd(plain[symmetric], mode)}
+def _insert(derivative: DerivativeOp, terminator: YieldDerivativeOp, symmetric: SSAValue, mode: str) -> None:
+    """Adds the projection behind `symmetric` and pulls its result back, for the Hessian alone."""
+    assert terminator.hessian is not None
+    derivative.body.block.detach_op(terminator)
+    b = MatBuilder(derivative.body.block)
+    projected = {symmetric: b.project_psd(symmetric, mode)}
 
     def hessian(value: SSAValue) -> SSAValue:
         if value not in projected:
             op = value.owner
             assert isinstance(op, CongruenceOp)
-            projected[value] = b.congruence(hessian(op.operands[0]), plain[op.operands[1]])
+            projected[value] = b.congruence(hessian(op.operands[0]), op.operands[1])
         return projected[value]
 
-    assert terminator.hessian is not None
-    wrt = [plain[v] for v in terminator.wrt]
-    b.append(YieldDerivativeOp(plain[terminator.gradient], hessian(terminator.hessian), wrt))
-    derivative.detach_region(derivative.body)
-    derivative.add_region(Region(b.body))
+    b.append(YieldDerivativeOp(terminator.gradient, hessian(terminator.hessian), list(terminator.wrt)))
+    terminator.erase()

@@ -2,12 +2,18 @@
 
 from __future__ import annotations
 
+import importlib.util
 import re
 from pathlib import Path
+from types import ModuleType
 
+import numpy as np
 import pytest
+import scipy
+from numpy.typing import NDArray
 from xdsl.parser import Parser
 
+from yasps import Scene
 from yasps.dialects.mat import OPERATIONS
 from yasps.examples import two_bunnies
 from yasps.frontend import errors, yasps_opt
@@ -18,6 +24,7 @@ ARCHITECTURE = ROOT / "docs" / "architecture.md"
 LANGUAGE = ROOT / "docs" / "language.md"
 STEPPING = ROOT / "docs" / "contact-and-stepping.md"
 README = ROOT / "README.md"
+ADVICE = "if that is meant, run `python docs/update_excerpts.py` and look at `git diff`"
 
 
 def blocks(document: Path, language: str) -> list[str]:
@@ -30,15 +37,24 @@ def run(code: str, name: str) -> None:
     exec(compile(code, name, "exec"), {"__name__": name})
 
 
+def load_update_excerpts() -> ModuleType:
+    spec = importlib.util.spec_from_file_location("update_excerpts", ROOT / "docs" / "update_excerpts.py")
+    assert spec is not None
+    assert spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+update_excerpts = load_update_excerpts()
+
+
 @pytest.fixture(scope="module")
 def dump(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """What the example of docs/architecture.md dumps today."""
     folder = tmp_path_factory.mktemp("architecture")
-    (code,) = blocks(ARCHITECTURE, "python")
-    with pytest.MonkeyPatch.context() as patch:
-        patch.chdir(folder)
-        run(code, "architecture")
-    return folder / "dump"
+    made: Path = update_excerpts.dump_example(ARCHITECTURE.read_text(encoding="utf-8"), folder)
+    return made
 
 
 # -- README ------------------------------------------------------------------------------------------------------------
@@ -65,7 +81,7 @@ def test_readme_names_every_option_of_two_bunnies(capsys: pytest.CaptureFixture[
 
 
 def test_links_lead_somewhere() -> None:
-    for document in (README, ARCHITECTURE, LANGUAGE, STEPPING):
+    for document in (README, *sorted((ROOT / "docs").glob("*.md"))):
         text = document.read_text(encoding="utf-8")
         for link in re.findall(r"\]\(([^)#]+)(?:#[^)]*)?\)", text):
             if not link.startswith("http"):
@@ -102,8 +118,8 @@ def test_excerpts_are_real(dump: Path, file: str, lines: list[str]) -> None:
         cut = wanted.removesuffix(" ...")
         fits = [real == wanted or (cut != wanted and real.startswith(cut)) for real in rest]
         position = fits.index(True) if any(fits) else None
-        assert position is not None, f"{file} has no line (any more, or here): {line.strip()}"
-        assert anywhere or position == 0, f"{file} has other lines before: {line.strip()}"
+        assert position is not None, f"{file} has no line (any more, or here): {line.strip()}; {ADVICE}"
+        assert anywhere or position == 0, f"{file} has other lines before: {line.strip()}; {ADVICE}"
         rest, anywhere = rest[position + 1 :], False
 
 
@@ -140,7 +156,52 @@ def test_the_command_says_what_the_text_says(dump: Path, capsys: pytest.CaptureF
         for command, shown in commands:
             assert yasps_opt.main(command.split()) == 0
             said = capsys.readouterr().out
-            assert not shown or said == shown
+            assert not shown or said == shown, ADVICE
+
+
+def test_excerpts_are_up_to_date(dump: Path) -> None:
+    text = ARCHITECTURE.read_text(encoding="utf-8")
+    assert update_excerpts.updated(text, dump) == text, ADVICE
+
+
+def test_an_update_repairs_numbers_and_changed_lines(dump: Path) -> None:
+    """As after a change of the compiler, the other way round: the document is the one that differs."""
+    text = ARCHITECTURE.read_text(encoding="utf-8")
+
+    def renumbered(excerpt: re.Match[str]) -> str:
+        moved = re.sub(r"%(\d+)", lambda number: f"%{int(number[1]) + 7}", excerpt[0])
+        return re.sub(r"\bt(\d+)", lambda number: f"t{int(number[1]) + 5}", moved)
+
+    old = update_excerpts.EXCERPT.sub(renumbered, text)
+    old = old.replace("value 181.25", "value 3").replace("width 3 : i64", "width 4 : i64")
+    assert old != text
+    assert update_excerpts.updated(old, dump) == text
+
+
+def test_an_update_marks_lines_that_came_between() -> None:
+    shown = ["a = first(1)", "  b = second(2)", "c = third(3) ..."]
+    real = ["", "  a = first(1)", "    new line", "    b = second(2)", "  c = third(3) and more"]
+    wanted = ["a = first(1)", "  ...", "  b = second(2)", "c = third(3) ..."]
+    assert update_excerpts.updated_lines("f", shown, real) == wanted
+
+
+def test_an_update_refuses_lines_that_are_gone(dump: Path) -> None:
+    text = ARCHITECTURE.read_text(encoding="utf-8")
+    gone = text.replace("  rel.target @stiff.body.shift\n", "  rel.nothing like this was ever dumped\n", 1)
+    assert gone != text
+    with pytest.raises(update_excerpts.ExcerptError, match=r"00-frontend.mlir has nothing like .*rel.nothing"):
+        update_excerpts.updated(gone, dump)
+
+
+def test_an_update_refuses_lines_in_another_order() -> None:
+    with pytest.raises(update_excerpts.ExcerptError, match="no longer in this order"):
+        update_excerpts.updated_lines("f", ["alpha", "...", "beta"], ["beta", "alpha"])
+
+
+def test_the_text_names_no_value_by_its_number() -> None:
+    """An update changes the excerpts only, so that prose must not depend on numbers of values."""
+    prose = re.sub(r"^```.*?^```$", "", ARCHITECTURE.read_text(encoding="utf-8"), flags=re.MULTILINE | re.DOTALL)
+    assert re.findall(r"`%\d+`", prose) == []
 
 
 # -- language.md -------------------------------------------------------------------------------------------------------
@@ -155,6 +216,54 @@ def test_every_error_has_its_line() -> None:
     named = {n for n, v in vars(errors).items() if isinstance(v, type) and issubclass(v, errors.YaspsError)}
     documented = set(re.findall(r"^\| `(\w+Error)`", LANGUAGE.read_text(encoding="utf-8"), re.MULTILINE))
     assert named - {"YaspsError"} <= documented
+
+
+def snippet(word: str) -> str:
+    """The code of language.md that holds a word."""
+    found = re.findall(r"```python\n(.*?)```", LANGUAGE.read_text(encoding="utf-8"), re.DOTALL)
+    (code,) = [code for code in found if word in code]
+    return "\n".join(line.strip() for line in code.splitlines())
+
+
+def test_variable_arity_is_as_described() -> None:
+    scene = Scene("neighbours")
+    vertices = scene.add_mesh("mesh").add_primitive("vertices", 3)
+    x = vertices.add_attribute("x", 1, 1, value=[1.0, 2.0, 4.0])
+    names = {"vertices": vertices, "x": x, "neighbours": [1, 0, 2, 1], "counts": [1, 2, 1]}
+    exec(snippet("ring"), names)
+    assert vertices["around"].value.tolist() == [2.0, 2.5, 2.0]
+    ring = vertices.connectivities["ring"]
+    assert ring.arity == 2
+    assert ring.indices.tolist() == [[1, -1], [0, 2], [1, -1]]
+
+
+def test_the_inverse_problem_is_solved() -> None:
+    """The minimum of (x - p)^4 / 4 + s x^2 / 2 moves with p as the implicit function theorem says, by differences."""
+    scene = Scene("inverse")
+    points = scene.add_mesh("mesh").add_primitive("points", 2)
+    x = points.add_attribute("x", 1, 1, value=[0.1, 0.2])
+    p = points.add_constant("p", 1, 1, value=[1.0, -2.0])
+    scene.add_energy(points.add_attribute("energy", computed_attribute=0.25 * (x - p) ** 4 + 0.5 * x * x))
+    scene.add_minimize_target(x)
+
+    def minimum() -> NDArray[np.float64]:
+        for _ in range(30):
+            x.update_value(x.value - scene.minimize_energy(tolerance=1e-24)[0])
+        assert np.abs(scene.gradient()[0]).max() < 1e-12
+        return x.value
+
+    minimum()
+    names: dict[str, object] = {"scene": scene, "x": x, "p": p, "scipy": scipy}
+    exec("import scipy.sparse.linalg\n" + snippet("mixed_hessian"), names)
+    found = names["dx_dp"]
+    assert isinstance(found, np.ndarray)
+    start = p.value
+    for k in range(2):
+        ends = []
+        for sign in (1, -1):
+            p.update_value(start + sign * 1e-5 * np.eye(2)[k])
+            ends.append(minimum())
+        np.testing.assert_allclose(found[:, k], (ends[0] - ends[1]) / 2e-5, atol=1e-8)
 
 
 # -- contact-and-stepping.md -------------------------------------------------------------------------------------------

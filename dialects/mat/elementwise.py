@@ -311,6 +311,8 @@ class PowOp(EntrywiseFunction):
         return self.power in (0.0, 1.0)
 
     def derivative(self, b: MatBuilder) -> SSAValue:
+        if self.power == -1.0:
+            return b.neg(b.power(self.result, 2.0))  # a second division less
         return b.scale(b.number(self.power), b.power(self.operands[0], self.power - 1.0))
 
     def lower(self, s: ScalarGraph, *inputs: Sequence[Node]) -> list[Node]:

@@ -168,6 +168,9 @@ def test_sum_and_mean_against_numpy() -> None:
     np.testing.assert_array_equal(total.compute().array[0, :, 0], values.sum(axis=0))
     mean = vertices.add_attribute("mean", through=ring, source=x, operation="mean")
     np.testing.assert_allclose(mean.compute().array[0, :, 0], values.mean(axis=0), rtol=1e-15)
+    with pytest.raises(ConnectivityError, match="a mean is taken"):
+        ring.update_value([0, 1, 2, 3], [0, 2, 1, 1])
+    np.testing.assert_allclose(mean.compute().array[0, :, 0], values.mean(axis=0), rtol=1e-15)
 
 
 def test_refuses_what_has_no_meaning() -> None:

@@ -242,11 +242,10 @@ class _Writer:
         self.write(f'{name}.add_attribute("x", computed_attribute={value}{self.around(mesh)})')
         self.layers.append(Layer(name, count, mesh))
 
-    def union(self) -> None:
-        """A union of layers, unions among them; sometimes with a layer computed from it."""
-        members = self.draw(
-            st.lists(st.sampled_from(self.layers), min_size=1, max_size=3, unique_by=lambda layer: layer.name)
-        )
+    def union(self, newest: bool = False) -> None:
+        """A union of layers, unions among them: some, or the three newest."""
+        some = st.lists(st.sampled_from(self.layers), min_size=min(2, len(self.layers)), max_size=3, unique=True)
+        members = self.layers[-3:] if newest else self.draw(some)
         count = sum(member.count for member in members)
         mesh, name = self.mesh(), self.fresh("u")
         listed = ", ".join(member.name for member in members)
@@ -255,7 +254,9 @@ class _Writer:
         self.layers.append(Layer(name, count, mesh, True))
 
     def full_layers(self) -> list[Layer]:
-        return [layer for layer in self.layers if layer.count]
+        """Layers with instances; the last, which has most behind it, is there thrice to be drawn more often."""
+        full = [layer for layer in self.layers if layer.count]
+        return [*full, *full[-1:] * 2]
 
     # -- energies ------------------------------------------------------------------------------------------
 
@@ -334,18 +335,26 @@ def scenes(draw: st.DrawFn) -> SceneProgram:
     writer = _Writer(draw)
     writer.surroundings()
     writer.free()
-    for _ in range(draw(st.integers(0, 6))):
-        writer.choice(
-            writer.free,
-            writer.embedded,
-            writer.union,
-            writer.rigid,
-            writer.parameterised,
-            writer.embedded,
-            writer.union,
-            writer.neighbours,
-            writer.dynamic,
-        )()
+    if draw(st.booleans()):  # a tower: layers on layers, each kind where the next builds on it
+        writer.parameterised()
+        writer.choice(writer.rigid, writer.parameterised, writer.neighbours)()
+        writer.union(newest=True)
+        writer.embedded()
+        writer.choice(writer.embedded, writer.neighbours, writer.rigid)()
+        writer.union(newest=True)
+    else:
+        for _ in range(draw(st.integers(1, 6))):
+            writer.choice(
+                writer.free,
+                writer.embedded,
+                writer.union,
+                writer.rigid,
+                writer.parameterised,
+                writer.embedded,
+                writer.union,
+                writer.neighbours,
+                writer.dynamic,
+            )()
     for _ in range(draw(st.integers(1, 3))):
         writer.energy()
     writer.targets()

@@ -10,13 +10,13 @@ from scene_checks import check_kernels, check_passes
 from yasps.runtime.library import Runtime
 
 
-@examples(ci=160, nightly=2000)
+@examples(ci=120, nightly=2000)
 @given(program=scenes())
 def test_passes(program: SceneProgram) -> None:
     check_passes(program.build())
 
 
-@examples(ci=40, nightly=2000)
+@examples(ci=60, nightly=2000)
 @given(program=scenes())
 def test_kernels(program: SceneProgram, runtime: Runtime) -> None:
     check_kernels(program.build(), runtime)

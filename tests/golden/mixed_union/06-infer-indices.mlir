@@ -133,68 +133,67 @@ builtin.module {
       %35 = mat.scale %9, %32 : (tensor<1x1xf64>, tensor<1x1xf64>) -> tensor<1x1xf64>
       %36 = mat.add %34, %35 : (tensor<1x1xf64>, tensor<1x1xf64>) -> tensor<1x1xf64>
       %37 = mat.add %36, %36 : (tensor<1x1xf64>, tensor<1x1xf64>) -> tensor<1x1xf64>
-      %38 = mat.constant {value = dense<-1.000000e+00> : tensor<1x1xf64>} : () -> tensor<1x1xf64>
-      %39 = mat.pow %6 {exponent = -2.000000e+00 : f64} : (tensor<1x1xf64>) -> tensor<1x1xf64>
-      %40 = mat.scale %38, %39 : (tensor<1x1xf64>, tensor<1x1xf64>) -> tensor<1x1xf64>
-      %41 = mat.scale %40, %31 : (tensor<1x1xf64>, tensor<1x1xf64>) -> tensor<1x1xf64>
-      %42 = mat.scale %41, %17 : (tensor<1x1xf64>, tensor<1x1xf64>) -> tensor<1x1xf64>
-      %43 = mat.scale %18, %37 : (tensor<1x1xf64>, tensor<1x1xf64>) -> tensor<1x1xf64>
-      %44 = mat.add %42, %43 : (tensor<1x1xf64>, tensor<1x1xf64>) -> tensor<1x1xf64>
-      %45 = mat.divide %44, %0 : (tensor<1x1xf64>, tensor<1x1xf64>) -> tensor<1x1xf64>
-      %46 = mat.scale %32, %7 : (tensor<1x1xf64>, tensor<1x1xf64>) -> tensor<1x1xf64>
-      %47 = mat.add %46, %46 : (tensor<1x1xf64>, tensor<1x1xf64>) -> tensor<1x1xf64>
-      %48 = mat.scale %47, %8 : (tensor<1x1xf64>, tensor<1x1xf64>) -> tensor<1x1xf64>
-      %49 = mat.add %48, %13 : (tensor<1x1xf64>, tensor<1x1xf64>) -> tensor<1x1xf64>
-      %50 = mat.add %49, %49 : (tensor<1x1xf64>, tensor<1x1xf64>) -> tensor<1x1xf64>
-      %51 = mat.add %50, %45 : (tensor<1x1xf64>, tensor<1x1xf64>) -> tensor<1x1xf64>
-      %52 = mat.scale %24, %51 : (tensor<1x1xf64>, tensor<1x1xf64>) -> tensor<1x1xf64>
-      %53 = mat.dot %4, %28 : (tensor<1x3xf64>, tensor<1x3xf64>) -> tensor<1x1xf64>
-      %54 = mat.scale %24, %53 : (tensor<1x1xf64>, tensor<1x1xf64>) -> tensor<1x1xf64>
-      %55 = mat.scale %52, %54 : (tensor<1x1xf64>, tensor<1x1xf64>) -> tensor<1x1xf64>
-      %56 = mat.scale %55, %4 : (tensor<1x1xf64>, tensor<1x3xf64>) -> tensor<1x3xf64>
-      %57 = mat.scale %25, %28 : (tensor<1x1xf64>, tensor<1x3xf64>) -> tensor<1x3xf64>
-      %58 = mat.add %56, %57 : (tensor<1x3xf64>, tensor<1x3xf64>) -> tensor<1x3xf64>
-      %59 = mat.reshape %58 {shape = array<i64: 3, 1>} : (tensor<1x3xf64>) -> tensor<3x1xf64>
-      %60 = mat.dot %4, %29 : (tensor<1x3xf64>, tensor<1x3xf64>) -> tensor<1x1xf64>
-      %61 = mat.scale %24, %60 : (tensor<1x1xf64>, tensor<1x1xf64>) -> tensor<1x1xf64>
-      %62 = mat.scale %52, %61 : (tensor<1x1xf64>, tensor<1x1xf64>) -> tensor<1x1xf64>
-      %63 = mat.scale %62, %4 : (tensor<1x1xf64>, tensor<1x3xf64>) -> tensor<1x3xf64>
-      %64 = mat.scale %25, %29 : (tensor<1x1xf64>, tensor<1x3xf64>) -> tensor<1x3xf64>
-      %65 = mat.add %63, %64 : (tensor<1x3xf64>, tensor<1x3xf64>) -> tensor<1x3xf64>
-      %66 = mat.reshape %65 {shape = array<i64: 3, 1>} : (tensor<1x3xf64>) -> tensor<3x1xf64>
-      %67 = mat.dot %4, %30 : (tensor<1x3xf64>, tensor<1x3xf64>) -> tensor<1x1xf64>
-      %68 = mat.scale %24, %67 : (tensor<1x1xf64>, tensor<1x1xf64>) -> tensor<1x1xf64>
-      %69 = mat.scale %52, %68 : (tensor<1x1xf64>, tensor<1x1xf64>) -> tensor<1x1xf64>
-      %70 = mat.scale %69, %4 : (tensor<1x1xf64>, tensor<1x3xf64>) -> tensor<1x3xf64>
-      %71 = mat.scale %25, %30 : (tensor<1x1xf64>, tensor<1x3xf64>) -> tensor<1x3xf64>
-      %72 = mat.add %70, %71 : (tensor<1x3xf64>, tensor<1x3xf64>) -> tensor<1x3xf64>
-      %73 = mat.reshape %72 {shape = array<i64: 3, 1>} : (tensor<1x3xf64>) -> tensor<3x1xf64>
-      %74 = mat.concat_cols %59, %66, %73 : (tensor<3x1xf64>, tensor<3x1xf64>, tensor<3x1xf64>) -> tensor<3x3xf64>
-      %75 = mat.constant {value = dense<[[1.000000e+00, 0.000000e+00, 0.000000e+00], [0.000000e+00, 0.000000e+00, 0.000000e+00]]> : tensor<2x3xf64>} : () -> tensor<2x3xf64>
-      %76 = mat.constant {value = dense<[[0.000000e+00, 1.000000e+00, 0.000000e+00], [0.000000e+00, 0.000000e+00, 0.000000e+00]]> : tensor<2x3xf64>} : () -> tensor<2x3xf64>
-      %77 = mat.constant {value = dense<[[0.000000e+00, 0.000000e+00, 1.000000e+00], [0.000000e+00, 0.000000e+00, 0.000000e+00]]> : tensor<2x3xf64>} : () -> tensor<2x3xf64>
-      %78 = mat.constant {value = dense<[[0.000000e+00, 0.000000e+00, 0.000000e+00], [1.000000e+00, 0.000000e+00, 0.000000e+00]]> : tensor<2x3xf64>} : () -> tensor<2x3xf64>
-      %79 = mat.constant {value = dense<[[0.000000e+00, 0.000000e+00, 0.000000e+00], [0.000000e+00, 1.000000e+00, 0.000000e+00]]> : tensor<2x3xf64>} : () -> tensor<2x3xf64>
-      %80 = mat.constant {value = dense<[[0.000000e+00, 0.000000e+00, 0.000000e+00], [0.000000e+00, 0.000000e+00, 1.000000e+00]]> : tensor<2x3xf64>} : () -> tensor<2x3xf64>
-      %81 = mat.constant {value = dense<[[-1.000000e+00, 0.000000e+00, 0.000000e+00]]> : tensor<1x3xf64>} : () -> tensor<1x3xf64>
-      %82 = mat.constant {value = dense<[[-1.000000e+00], [0.000000e+00], [0.000000e+00]]> : tensor<3x1xf64>} : () -> tensor<3x1xf64>
-      %83 = mat.constant {value = dense<[[0.000000e+00, -1.000000e+00, 0.000000e+00]]> : tensor<1x3xf64>} : () -> tensor<1x3xf64>
-      %84 = mat.constant {value = dense<[[0.000000e+00], [-1.000000e+00], [0.000000e+00]]> : tensor<3x1xf64>} : () -> tensor<3x1xf64>
-      %85 = mat.constant {value = dense<[[0.000000e+00, 0.000000e+00, -1.000000e+00]]> : tensor<1x3xf64>} : () -> tensor<1x3xf64>
-      %86 = mat.constant {value = dense<[[0.000000e+00], [0.000000e+00], [-1.000000e+00]]> : tensor<3x1xf64>} : () -> tensor<3x1xf64>
-      %87 = mat.constant {value = dense<[[1.000000e+00], [0.000000e+00], [0.000000e+00]]> : tensor<3x1xf64>} : () -> tensor<3x1xf64>
-      %88 = mat.constant {value = dense<[[0.000000e+00], [1.000000e+00], [0.000000e+00]]> : tensor<3x1xf64>} : () -> tensor<3x1xf64>
-      %89 = mat.constant {value = dense<[[0.000000e+00], [0.000000e+00], [1.000000e+00]]> : tensor<3x1xf64>} : () -> tensor<3x1xf64>
-      %90 = mat.constant {value = dense<[[-1.000000e+00, 0.000000e+00, 0.000000e+00, 1.000000e+00, 0.000000e+00, 0.000000e+00], [0.000000e+00, -1.000000e+00, 0.000000e+00, 0.000000e+00, 1.000000e+00, 0.000000e+00], [0.000000e+00, 0.000000e+00, -1.000000e+00, 0.000000e+00, 0.000000e+00, 1.000000e+00]]> : tensor<3x6xf64>} : () -> tensor<3x6xf64>
-      %91 = mat.congruence %74, %90 : (tensor<3x3xf64>, tensor<3x6xf64>) -> tensor<6x6xf64>
-      %92 = mat.neg %26 : (tensor<1x3xf64>) -> tensor<1x3xf64>
-      %93 = mat.embed %26 {place = array<i64: 1, 0, 2, 3>} : (tensor<1x3xf64>) -> tensor<2x3xf64>
-      %94 = mat.embed %92 {place = array<i64: 0, 0, 2, 3>} : (tensor<1x3xf64>) -> tensor<2x3xf64>
-      %95 = mat.add %93, %94 : (tensor<2x3xf64>, tensor<2x3xf64>) -> tensor<2x3xf64>
-      %96 = mat.reshape %95 {shape = array<i64: 6, 1>} : (tensor<2x3xf64>) -> tensor<6x1xf64>
-      %97 = mat.project_psd %74 {mode = "clamp"} : (tensor<3x3xf64>) -> tensor<3x3xf64>
-      %98 = mat.congruence %97, %90 : (tensor<3x3xf64>, tensor<3x6xf64>) -> tensor<6x6xf64>
-      rel.yield_derivative gradient %96 : tensor<6x1xf64> hessian %98 : tensor<6x6xf64> wrt %1 : tensor<2x3xf64>
+      %38 = mat.pow %18 {exponent = 2.000000e+00 : f64} : (tensor<1x1xf64>) -> tensor<1x1xf64>
+      %39 = mat.neg %38 : (tensor<1x1xf64>) -> tensor<1x1xf64>
+      %40 = mat.scale %39, %31 : (tensor<1x1xf64>, tensor<1x1xf64>) -> tensor<1x1xf64>
+      %41 = mat.scale %40, %17 : (tensor<1x1xf64>, tensor<1x1xf64>) -> tensor<1x1xf64>
+      %42 = mat.scale %18, %37 : (tensor<1x1xf64>, tensor<1x1xf64>) -> tensor<1x1xf64>
+      %43 = mat.add %41, %42 : (tensor<1x1xf64>, tensor<1x1xf64>) -> tensor<1x1xf64>
+      %44 = mat.divide %43, %0 : (tensor<1x1xf64>, tensor<1x1xf64>) -> tensor<1x1xf64>
+      %45 = mat.scale %32, %7 : (tensor<1x1xf64>, tensor<1x1xf64>) -> tensor<1x1xf64>
+      %46 = mat.add %45, %45 : (tensor<1x1xf64>, tensor<1x1xf64>) -> tensor<1x1xf64>
+      %47 = mat.scale %46, %8 : (tensor<1x1xf64>, tensor<1x1xf64>) -> tensor<1x1xf64>
+      %48 = mat.add %47, %13 : (tensor<1x1xf64>, tensor<1x1xf64>) -> tensor<1x1xf64>
+      %49 = mat.add %48, %48 : (tensor<1x1xf64>, tensor<1x1xf64>) -> tensor<1x1xf64>
+      %50 = mat.add %49, %44 : (tensor<1x1xf64>, tensor<1x1xf64>) -> tensor<1x1xf64>
+      %51 = mat.scale %24, %50 : (tensor<1x1xf64>, tensor<1x1xf64>) -> tensor<1x1xf64>
+      %52 = mat.dot %4, %28 : (tensor<1x3xf64>, tensor<1x3xf64>) -> tensor<1x1xf64>
+      %53 = mat.scale %24, %52 : (tensor<1x1xf64>, tensor<1x1xf64>) -> tensor<1x1xf64>
+      %54 = mat.scale %51, %53 : (tensor<1x1xf64>, tensor<1x1xf64>) -> tensor<1x1xf64>
+      %55 = mat.scale %54, %4 : (tensor<1x1xf64>, tensor<1x3xf64>) -> tensor<1x3xf64>
+      %56 = mat.scale %25, %28 : (tensor<1x1xf64>, tensor<1x3xf64>) -> tensor<1x3xf64>
+      %57 = mat.add %55, %56 : (tensor<1x3xf64>, tensor<1x3xf64>) -> tensor<1x3xf64>
+      %58 = mat.reshape %57 {shape = array<i64: 3, 1>} : (tensor<1x3xf64>) -> tensor<3x1xf64>
+      %59 = mat.dot %4, %29 : (tensor<1x3xf64>, tensor<1x3xf64>) -> tensor<1x1xf64>
+      %60 = mat.scale %24, %59 : (tensor<1x1xf64>, tensor<1x1xf64>) -> tensor<1x1xf64>
+      %61 = mat.scale %51, %60 : (tensor<1x1xf64>, tensor<1x1xf64>) -> tensor<1x1xf64>
+      %62 = mat.scale %61, %4 : (tensor<1x1xf64>, tensor<1x3xf64>) -> tensor<1x3xf64>
+      %63 = mat.scale %25, %29 : (tensor<1x1xf64>, tensor<1x3xf64>) -> tensor<1x3xf64>
+      %64 = mat.add %62, %63 : (tensor<1x3xf64>, tensor<1x3xf64>) -> tensor<1x3xf64>
+      %65 = mat.reshape %64 {shape = array<i64: 3, 1>} : (tensor<1x3xf64>) -> tensor<3x1xf64>
+      %66 = mat.dot %4, %30 : (tensor<1x3xf64>, tensor<1x3xf64>) -> tensor<1x1xf64>
+      %67 = mat.scale %24, %66 : (tensor<1x1xf64>, tensor<1x1xf64>) -> tensor<1x1xf64>
+      %68 = mat.scale %51, %67 : (tensor<1x1xf64>, tensor<1x1xf64>) -> tensor<1x1xf64>
+      %69 = mat.scale %68, %4 : (tensor<1x1xf64>, tensor<1x3xf64>) -> tensor<1x3xf64>
+      %70 = mat.scale %25, %30 : (tensor<1x1xf64>, tensor<1x3xf64>) -> tensor<1x3xf64>
+      %71 = mat.add %69, %70 : (tensor<1x3xf64>, tensor<1x3xf64>) -> tensor<1x3xf64>
+      %72 = mat.reshape %71 {shape = array<i64: 3, 1>} : (tensor<1x3xf64>) -> tensor<3x1xf64>
+      %73 = mat.concat_cols %58, %65, %72 : (tensor<3x1xf64>, tensor<3x1xf64>, tensor<3x1xf64>) -> tensor<3x3xf64>
+      %74 = mat.constant {value = dense<[[1.000000e+00, 0.000000e+00, 0.000000e+00], [0.000000e+00, 0.000000e+00, 0.000000e+00]]> : tensor<2x3xf64>} : () -> tensor<2x3xf64>
+      %75 = mat.constant {value = dense<[[0.000000e+00, 1.000000e+00, 0.000000e+00], [0.000000e+00, 0.000000e+00, 0.000000e+00]]> : tensor<2x3xf64>} : () -> tensor<2x3xf64>
+      %76 = mat.constant {value = dense<[[0.000000e+00, 0.000000e+00, 1.000000e+00], [0.000000e+00, 0.000000e+00, 0.000000e+00]]> : tensor<2x3xf64>} : () -> tensor<2x3xf64>
+      %77 = mat.constant {value = dense<[[0.000000e+00, 0.000000e+00, 0.000000e+00], [1.000000e+00, 0.000000e+00, 0.000000e+00]]> : tensor<2x3xf64>} : () -> tensor<2x3xf64>
+      %78 = mat.constant {value = dense<[[0.000000e+00, 0.000000e+00, 0.000000e+00], [0.000000e+00, 1.000000e+00, 0.000000e+00]]> : tensor<2x3xf64>} : () -> tensor<2x3xf64>
+      %79 = mat.constant {value = dense<[[0.000000e+00, 0.000000e+00, 0.000000e+00], [0.000000e+00, 0.000000e+00, 1.000000e+00]]> : tensor<2x3xf64>} : () -> tensor<2x3xf64>
+      %80 = mat.constant {value = dense<[[-1.000000e+00, 0.000000e+00, 0.000000e+00]]> : tensor<1x3xf64>} : () -> tensor<1x3xf64>
+      %81 = mat.constant {value = dense<[[-1.000000e+00], [0.000000e+00], [0.000000e+00]]> : tensor<3x1xf64>} : () -> tensor<3x1xf64>
+      %82 = mat.constant {value = dense<[[0.000000e+00, -1.000000e+00, 0.000000e+00]]> : tensor<1x3xf64>} : () -> tensor<1x3xf64>
+      %83 = mat.constant {value = dense<[[0.000000e+00], [-1.000000e+00], [0.000000e+00]]> : tensor<3x1xf64>} : () -> tensor<3x1xf64>
+      %84 = mat.constant {value = dense<[[0.000000e+00, 0.000000e+00, -1.000000e+00]]> : tensor<1x3xf64>} : () -> tensor<1x3xf64>
+      %85 = mat.constant {value = dense<[[0.000000e+00], [0.000000e+00], [-1.000000e+00]]> : tensor<3x1xf64>} : () -> tensor<3x1xf64>
+      %86 = mat.constant {value = dense<[[1.000000e+00], [0.000000e+00], [0.000000e+00]]> : tensor<3x1xf64>} : () -> tensor<3x1xf64>
+      %87 = mat.constant {value = dense<[[0.000000e+00], [1.000000e+00], [0.000000e+00]]> : tensor<3x1xf64>} : () -> tensor<3x1xf64>
+      %88 = mat.constant {value = dense<[[0.000000e+00], [0.000000e+00], [1.000000e+00]]> : tensor<3x1xf64>} : () -> tensor<3x1xf64>
+      %89 = mat.constant {value = dense<[[-1.000000e+00, 0.000000e+00, 0.000000e+00, 1.000000e+00, 0.000000e+00, 0.000000e+00], [0.000000e+00, -1.000000e+00, 0.000000e+00, 0.000000e+00, 1.000000e+00, 0.000000e+00], [0.000000e+00, 0.000000e+00, -1.000000e+00, 0.000000e+00, 0.000000e+00, 1.000000e+00]]> : tensor<3x6xf64>} : () -> tensor<3x6xf64>
+      %90 = mat.congruence %73, %89 : (tensor<3x3xf64>, tensor<3x6xf64>) -> tensor<6x6xf64>
+      %91 = mat.neg %26 : (tensor<1x3xf64>) -> tensor<1x3xf64>
+      %92 = mat.embed %26 {place = array<i64: 1, 0, 2, 3>} : (tensor<1x3xf64>) -> tensor<2x3xf64>
+      %93 = mat.embed %91 {place = array<i64: 0, 0, 2, 3>} : (tensor<1x3xf64>) -> tensor<2x3xf64>
+      %94 = mat.add %92, %93 : (tensor<2x3xf64>, tensor<2x3xf64>) -> tensor<2x3xf64>
+      %95 = mat.reshape %94 {shape = array<i64: 6, 1>} : (tensor<2x3xf64>) -> tensor<6x1xf64>
+      %96 = mat.project_psd %73 {mode = "clamp"} : (tensor<3x3xf64>) -> tensor<3x3xf64>
+      %97 = mat.congruence %96, %89 : (tensor<3x3xf64>, tensor<3x6xf64>) -> tensor<6x6xf64>
+      rel.yield_derivative gradient %95 : tensor<6x1xf64> hessian %97 : tensor<6x6xf64> wrt %1 : tensor<2x3xf64>
     }
     rel.attribute @soft.v.x.kappa on @soft.v : tensor<1x1xi32> {
       %0 = rel.target_index @soft.v.x : tensor<1x1xi32>
