@@ -44,7 +44,7 @@ def cost(graph: ScalarGraph, outputs: list[Node], free: tuple[str, ...] = FREE) 
 @SETTINGS
 @given(st.lists(STEP, min_size=1, max_size=30), st.integers(1, 6))
 def test_values_stay_and_operations_do_not_grow(steps: list[tuple[str, int, int]], count: int) -> None:
-    """Exactly, in rationals. A shared division costs one product more for each of its users, one less than a division."""
+    """Exactly, in rationals. Sharing a reciprocal takes as many products as it saves divisions: one operation more."""
     graph, nodes = graph_of(steps)
     outputs = nodes[-count:]
     after, tidy = tidied(graph, outputs)
