@@ -26,7 +26,7 @@ VERTICES = 6
 CONTROL_POINTS = 8
 NOTES = (
     "One energy over a union of vertices: free, then also of an affine body, of a cage with 8 control points, and of "
-    "levers that turn by an angle (nonlinear: curvature takes objects of its own, the whole local Hessian is projected).",
+    "levers that turn by an angle (nonlinear: curvature has objects of its own, the whole local Hessian is projected).",
     "lines: of all objects without the common preludes, counted before equal ones are shared; local array: the largest "
     "on the stack of any function, 8 instances wide.",
     "cages: the union of free vertices and several cages of the same kind.",

@@ -25,7 +25,7 @@ KINDS = {"additions": ("add",), "multiplications": ("mul",), "divisions": ("div"
 AGREEMENT = 1e-9  # relative; SymPy's formulas cancel
 NOTES = (
     "gradient and upper triangle of the Hessian in all unknowns. yasps: functions derive and pull_back of the projected "
-    "code (the default), which needs the Hessian in the linear cut too. SymPy: diff of each entry, then cse of all.",
+    "code (default), which needs the Hessian in the linear cut too. SymPy: diff of each entry, then cse of them all.",
     "a - b is an addition; operations: everything, with sign changes, comparisons and choices, sqrt, log.",
     "x: differentiated by positions; F: by the deformation gradient.",
 )
@@ -112,8 +112,9 @@ def sympy_operations(expressions: Sequence[Any]) -> Counter[str]:
         elif exponent == sp.Rational(1, 2):
             counts["sqrt"] += 1
         elif exponent.is_Rational and exponent.q == 2:
-            counts["sqrt"] += 1
-            power(sp.Integer(exponent.p))
+            counts["sqrt"] += 1  # x^(n + 1/2) = x^n sqrt(x)
+            counts["mul"] += 1
+            power(sp.Integer((exponent.p - 1) // 2))
         else:
             counts["pow"] += 1
 

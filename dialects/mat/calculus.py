@@ -128,6 +128,9 @@ class ProjectPsdOp(MatOp):
             raise ShapeError(f"mode must be one of {', '.join(PROJECTION_MODES)}, got {mode!r}")
         return square("a projection", shapes[0])
 
+    def fold(self) -> None:
+        """Never: whether to project is chosen again at run time (see `CompiledScene.assemble`)."""
+
     def evaluate(self, *inputs: Batch) -> Batch:
         upper = np.triu(inputs[0])
         values, vectors = np.linalg.eigh(upper + np.triu(upper, 1).swapaxes(1, 2))
