@@ -24,7 +24,7 @@ DESCRIPTION = "scalar operations of gradient and Hessian of one element, beside 
 KINDS = {"additions": ("add",), "multiplications": ("mul",), "divisions": ("div",)}
 AGREEMENT = 1e-9  # relative; SymPy's formulas cancel
 NOTES = (
-    "gradient and upper triangle of the Hessian in all unknowns. yasps: functions derive and pull_back of the projected "
+    "gradient and upper triangle of the Hessian in all unknowns. yasps: functions derive, pull_back of the projected "
     "code (default), which needs the Hessian in the linear cut too. SymPy: diff of each entry, then cse of them all.",
     "a - b is an addition; operations: everything, with sign changes, comparisons and choices, sqrt, log.",
     "x: differentiated by positions; F: by the deformation gradient.",

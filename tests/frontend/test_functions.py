@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -26,6 +27,8 @@ from yasps import (
 )
 from yasps.backend.interpreter import Interpreter
 from yasps.passes.pipeline import run_pipeline
+from yasps.runtime.library import load_runtime
+from yasps.runtime.toolchain import find_compiler
 
 N = 11
 RNG = np.random.default_rng(5)
@@ -158,9 +161,17 @@ def energies(projection: str) -> Scene:
     return scene
 
 
+@pytest.mark.parametrize("vector_math", [True, False], ids=["vector-math", "lane-by-lane"])
 @pytest.mark.parametrize("projection", ["none", "clamp"])
-def test_kernels_compute_what_the_interpreter_does(projection: str) -> None:
-    compiled = energies(projection).compile()
+def test_kernels_compute_what_the_interpreter_does(projection: str, vector_math: bool) -> None:
+    compiler = find_compiler()
+    if vector_math and not compiler.has_vector_math:
+        pytest.skip("this C library has no vector functions")
+    scene = energies(projection)
+    scene._runtime = load_runtime(replace(compiler, has_vector_math=vector_math))
+    compiled = scene.compile()
+    text = "".join(code.text for code in compiled.program.codes.values())
+    assert ("_ZGVeN8vv_atan2" in text) is vector_math
     interpreter = Interpreter(compiled.module, compiled.data())
     for name, found in compiled.energies().items():
         assert relative_error(found, interpreter.value(name).ravel()) < 1e-13, name
