@@ -37,7 +37,7 @@ def hessian_at(offset: NDArray[np.float64]) -> NDArray[np.float64]:
     return compiled.static_matrix.to_scipy().toarray()
 
 
-@pytest.mark.parametrize("offset", [(10.0, 10.0, 10.0), (-10.0, 0.0, 0.0)])
+@pytest.mark.parametrize("offset", [(10.0, 10.0, 10.0), (-10.0, 0.0, 0.0), (3.3, -7.7, 9.1)])
 def test_translation_by_ten_units_keeps_twelve_digits(offset: tuple[float, float, float]) -> None:
     here = hessian_at(np.zeros(3))
     there = hessian_at(np.array(offset))
