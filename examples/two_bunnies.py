@@ -178,7 +178,7 @@ def two_bunnies(
         contact,
         accelerations={soft_part.position: falling, translation: falling},
         # Newton stops well inside the activation distance, or contact forces would be left half-balanced.
-        settings=NewtonSettings(velocity_tolerance=min(1e-2, 0.1 * distance / time_step)),
+        settings=NewtonSettings(velocity_tolerance=min(2e-3, 0.1 * distance / time_step), max_iterations=500),
         times=times,
     )
     slices = slice(starts[0], starts[1]), slice(starts[1], starts[2])
