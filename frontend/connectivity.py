@@ -134,7 +134,8 @@ class Connectivity:
             )
         if self.needs_neighbours and lengths.size and lengths.min() == 0:
             raise ConnectivityError(
-                f"{self.path}: instance {int(lengths.argmin())} is connected to nothing, and a mean is taken through this "
+                f"{self.path}: instance {int(lengths.argmin())} is connected to nothing, and a mean is taken through "
+                "this "
                 "connectivity"
             )
         if lengths.sum() != flat.size:
