@@ -278,7 +278,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """Entry point of `yasps run two_bunnies`."""
     parser = argparse.ArgumentParser(prog="yasps run two_bunnies", description=__doc__)
     parser.add_argument("--frames", type=int, default=100, help="time steps of 0.01 s (default 100)")
-    parser.add_argument("--vertices", type=int, default=5000, help="vertices of each rabbit, 1500 or more (default about 5000)")
+    parser.add_argument(
+        "--vertices", type=int, default=5000, help="vertices of each rabbit, 1500 or more (default about 5000)"
+    )
     parser.add_argument("--mesh", type=Path, help="a tetrahedral mesh file to use instead of the rabbit")
     parser.add_argument("--output", type=Path, default=Path("output/two_bunnies"), help="folder for files and pictures")
     parser.add_argument("--no-pictures", action="store_true", help="no picture and no animation")
