@@ -84,9 +84,9 @@ def test_derivatives_of_the_whole_scene_against_complex_step(shape: TetrahedralM
     reference = Interpreter(compiled.module, data)
     expected_gradient, expected_hessian = reference.assemble()
     assert relative(gradient - expected_gradient, expected_gradient) <= 1e-10
-    terms = np.abs(gradient) @ np.abs(direction)
     for _ in range(3):
         direction = rng.standard_normal(unknowns)
+        terms = np.abs(gradient) @ np.abs(direction)
         moved = Interpreter(compiled.module, shifted(data, targets, direction, 1e-30j))
         assert abs(moved.total_energy().imag / 1e-30 - gradient @ direction) <= 1e-10 * terms
         product = moved.gradient().imag / 1e-30
