@@ -1,1 +1,1 @@
-"""xDSL dialects: `rel` (relations), `mat` (per-instance small matrices), `kernel` (skeletons of generated code)."""
+"""xDSL dialects: `rel` (relations) and `mat` (per-instance small matrices), and the scalar graph below them."""
