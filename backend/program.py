@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import ctypes
-import time
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
@@ -36,7 +35,6 @@ class Program:
     """
 
     def __init__(self, module: ModuleOp, compiler: Compiler, dump_to: Path | None = None) -> None:
-        start = time.perf_counter()
         self.scene = SceneView(module)
         emitter = ObjectEmitter(self.scene, compiler.has_vector_math)
         emitter.emit_all()
@@ -44,7 +42,6 @@ class Program:
         if dump_to is not None:
             dump_sources(list(self.codes.values()), dump_to)
         unique = {code.symbol: code for code in self.codes.values()}
-        self.emit_seconds = time.perf_counter() - start
         objects = compile_sources([Source(code.symbol, code.text) for code in unique.values()], compiler)
         names = {code.symbol: name for name, code in reversed(self.codes.items())}
         self.log = [
@@ -54,7 +51,6 @@ class Program:
         math_libraries = ("-lmvec", "-lm") if compiler.has_vector_math else ("-lm",)
         linked = link(objects, compiler, (*LINK_FLAGS, *math_libraries))
         self.log.append(CompiledModule("link", linked.seconds, linked.cached, 0))
-        self.compile_seconds = time.perf_counter() - start
         self._library = ctypes.CDLL(str(linked.path))
         self._arguments = {name: (ctypes.c_void_p * max(1, len(c.bindings)))() for name, c in self.codes.items()}
 
