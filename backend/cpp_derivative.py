@@ -11,6 +11,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from yasps.backend.cpp_curvature import dense_hessian
+from yasps.backend.cpp_scatter import scatter_gradient, scatter_hessian
 from yasps.backend.scene_view import Slot
 from yasps.dialects.mat import shape_of
 from yasps.dialects.rel import ApplyOp, DerivativeOp, ProjectOp, YieldDerivativeOp
@@ -44,10 +45,10 @@ def derivative_body(text: _ObjectText, derivative: DerivativeOp) -> list[str]:
     if curved:
         scatter = dense_hessian(text, slots, capacity, "middle" if entries else None)
     elif entries:
-        scatter = _scatter_hessian(text, slots, n, capacity, "middle")
+        scatter = scatter_hessian(text, slots, n, capacity, "middle")
     if scatter:
         lines += ["if (sink->blocks) {", *indented(scatter), "}"]
-    lines += _scatter_gradient(text, slots, capacity)
+    lines += scatter_gradient(text, slots, capacity)
     return [
         "for (long first = begin; first < end; first += 8) {",
         "    const long lanes = end - first < 8 ? end - first : 8;",
@@ -101,7 +102,7 @@ def _in_batches(
     if isinstance(pull_back, ApplyOp):
         scatter += [f"V hessian[{shape_of(terminator.hessian)[0]}];", text.call(pull_back, names, ["hessian"], "V")]
         packed = "hessian"
-    scatter += _scatter_hessian(text, slots, n, capacity, packed)
+    scatter += scatter_hessian(text, slots, n, capacity, packed)
     own = [f"V {name}[{size}];" for name, size in sizes.items() if name not in kept]
     shared = [f"V* const {name} = {name}_of[pack];" for name in sorted(kept)]
     middle = ["V* const middle = middle_of[pack];"]
@@ -114,7 +115,7 @@ def _in_batches(
         f"    const long stop = end - start < {8 * packs} ? end : start + {8 * packs};",
         f"    {each_pack}",
         *indented(indented([lanes, *own, *shared, *text.gather_pack(), *_derive(text, derive, n, entries, middle)])),
-        *indented(indented(_scatter_gradient(text, slots, capacity))),
+        *indented(indented(scatter_gradient(text, slots, capacity))),
         "    }",
         "    if (!sink->blocks) continue;",
         f"    const long changed = sink->project((double*)middle_of, {width}, (int)(stop - start), sink->mode);",
@@ -125,121 +126,4 @@ def _in_batches(
         "    }",
         "}",
         "return -1;",
-    ]
-
-
-def _starts(sizes: list[int]) -> list[int]:
-    return [sum(sizes[:k]) for k in range(len(sizes))]
-
-
-def _pair(capacity: int, a: str, b: str) -> str:
-    return f"{a} * {capacity} - {a} * ({a} - 1) / 2 + {b} - {a}"
-
-
-def _scatter_gradient(text: _ObjectText, slots: list[Slot], capacity: int) -> list[str]:
-    entry_at = _starts([slot.size for slot in slots])
-    kappa_at = _starts([slot.capacity for slot in slots])
-    lines = [
-        "for (long l = 0; l < lanes; ++l) {",
-        "    const long i = first + l;",
-        f"    const int* const kappa = sink->kappa + i * {capacity};",
-    ]
-    for slot, entry, kappa in zip(slots, entry_at, kappa_at, strict=True):
-        if slot.is_target:
-            lines += [
-                f"    for (long e = 0; e < {slot.size}; ++e)",
-                f"        sink->gradient[kappa[{kappa}] - 1 + e] += gradient[{entry} + e][l];",
-            ]
-            continue
-        pull = text.pull_slot(slot, "b", "1", "rows")
-        lines += [
-            "    {",
-            f"        double b[{slot.size}], rows[{slot.rows}];",
-            f"        for (long e = 0; e < {slot.size}; ++e) b[e] = gradient[{entry} + e][l];",
-            f"        {pull};",
-            "        const double* row = rows;",
-            f"        for (long k = {kappa}; k < {kappa + slot.capacity}; ++k) {{",
-            "            if (!kappa[k]) continue;",
-            "            const long size = sink->block_size_at[kappa[k] - 1];",
-            "            for (long e = 0; e < size; ++e) sink->gradient[kappa[k] - 1 + e] += *row++;",
-            "        }",
-            "    }",
-        ]
-    lines += ["    (void)i;", "}"]
-    return lines
-
-
-def _scatter_hessian(text: _ObjectText, slots: list[Slot], n: int, capacity: int, packed: str) -> list[str]:
-    entry_at = _starts([slot.size for slot in slots])
-    kappa_at = _starts([slot.capacity for slot in slots])
-    lines = [
-        "for (long l = 0; l < lanes; ++l) {",
-        "    const long i = first + l;",
-        f"    const int* const kappa = sink->kappa + i * {capacity};",
-        f"    const long* const position = sink->position + i * {capacity * (capacity + 1) // 2};",
-        "    (void)kappa;",
-    ]
-    for s, first in enumerate(slots):
-        for t in range(s, len(slots)):
-            second = slots[t]
-            lines.append("    {")
-            lines += [
-                f"        double b[{first.size * second.size}];",
-                f"        for (long r = 0; r < {first.size}; ++r)",
-                f"            for (long c = {'r' if s == t else '0'}; c < {second.size}; ++c)",
-                f"                b[r * {second.size} + c] = {packed}"
-                f"[packed({n}, {entry_at[s]} + r, {entry_at[t]} + c)][l];",
-            ]
-            if s == t:
-                lines += [
-                    f"        for (long r = 1; r < {first.size}; ++r)",
-                    f"            for (long c = 0; c < r; ++c) b[r * {first.size} + c] = b[c * {first.size} + r];",
-                ]
-            if first.is_target and second.is_target:
-                pair = _pair(capacity, str(kappa_at[s]), str(kappa_at[t]))
-                lines.append(f"        add_block(sink->blocks, position[{pair}], b, {first.size}, {second.size});")
-            else:
-                lines += [f"        {line}" for line in _expand(text, slots, (s, t), kappa_at, capacity)]
-            lines.append("    }")
-    lines.append("}")
-    return lines
-
-
-def _expand(
-    text: _ObjectText, slots: list[Slot], pair: tuple[int, int], kappa_at: list[int], capacity: int
-) -> list[str]:
-    """J_s^T b J_t for a pair of slots (s, t), one side at a time, and its blocks to their places."""
-    s, t = pair
-    first, second = slots[s], slots[t]
-    if first.rows == 0 or second.rows == 0:
-        return []
-    left = text.pull_slot(first, "b", str(second.size), "left")
-    right = text.pull_slot(second, "turned", "height", "both")
-    return [
-        f"double left[{first.rows * second.size}], turned[{first.rows * second.size}];",
-        f"double both[{first.rows * second.rows}], block[{first.rows * second.rows}];",
-        f"const long height = {left};",
-        "if (height) {",
-        "    for (long r = 0; r < height; ++r)",
-        f"        for (long c = 0; c < {second.size}; ++c) turned[c * height + r] = left[r * {second.size} + c];",
-        f"    {right};",
-        "    long row = 0;",
-        f"    for (long p = {kappa_at[s]}; p < {kappa_at[s] + first.capacity}; ++p) {{",
-        "        if (!kappa[p]) continue;",
-        "        const long rows = sink->block_size_at[kappa[p] - 1];",
-        "        long col = 0;",
-        f"        for (long q = {kappa_at[t]}; q < {kappa_at[t] + second.capacity}; ++q) {{",
-        "            if (!kappa[q]) continue;",
-        "            const long cols = sink->block_size_at[kappa[q] - 1];",
-        *(["            if (q >= p) {"] if s == t else ["            {"]),
-        "                for (long r = 0; r < rows; ++r)",
-        "                    for (long c = 0; c < cols; ++c)",
-        "                        block[r * cols + c] = both[(col + c) * height + row + r];",
-        f"                add_block(sink->blocks, position[{_pair(capacity, 'p', 'q')}], block, rows, cols);",
-        "            }",
-        "            col += cols;",
-        "        }",
-        "        row += rows;",
-        "    }",
-        "}",
     ]
