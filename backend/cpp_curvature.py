@@ -101,7 +101,7 @@ def curve_body(text: _ObjectText, slots: Sequence[Slot], second: str | None, tra
 
 def dense_hessian(text: _ObjectText, slots: Sequence[Slot], capacity: int, packed: str | None) -> list[str]:
     """Statements for one pack: the dense local Hessian of each lane, projected and scattered."""
-    text.need_dense_prelude = True
+    text.preludes[DENSE_PRELUDE] = None
     at = starts_of(slots)
     count = sum(slot.size for slot in slots)
     lines = [

@@ -69,17 +69,20 @@ def _projection(derivative: DerivativeOp) -> ProjectOp | None:
     return next((op for op in derivative.body.block.ops if isinstance(op, ProjectOp)), None)
 
 
-def _derive(text: _ObjectText, derive: ApplyOp, n: int, entries: int, declarations: list[str]) -> list[str]:
+def _derive(
+    text: _ObjectText, derive: ApplyOp, n: int, entries: int, declarations: list[str], *, is_projected: bool = False
+) -> list[str]:
     """Gradient and packed Hessian of one pack, and a return if they are not finite."""
     outputs = ["gradient", "middle"] if entries else ["gradient"]
     lines = [f"V gradient[{n}];", *declarations, text.call(derive, text.names(), outputs, "V")]
-    lines += ["V check = splat(0.0);", f"for (long k = 0; k < {n}; ++k) check += gradient[k] * 0.0;"]
-    if entries:
-        lines.append(f"for (long k = 0; k < {entries}; ++k) check += middle[k] * 0.0;")
+    lines.append(f"V check = sum_of_zeros(gradient, {n});")
+    if entries and not is_projected:  # projection looks at what it gets
+        lines.append(f"check += sum_of_zeros(middle, {entries});")
     return [
         *lines,
-        "for (long l = 0; l < lanes; ++l)",
-        "    if (check[l] != 0.0) return first + l;  // not finite",
+        "if (any_not_finite(check))",
+        "    for (long l = 0; l < lanes; ++l)",
+        "        if (check[l] != 0.0) return first + l;",
     ]
 
 
@@ -97,7 +100,7 @@ def _in_batches(
     bytes_of_pack = 64 * (entries + sum(sizes[name] for name in kept))
     packs = max(1, min(MOST_PACKS, LARGEST_STACK // bytes_of_pack))
     width = project.width.value.data
-    scatter: list[str] = []
+    scatter = [f"prefetch_blocks(sink, first, {capacity * (capacity + 1) // 2}, lanes);"]
     packed = "middle"
     if isinstance(pull_back, ApplyOp):
         scatter += [f"V hessian[{shape_of(terminator.hessian)[0]}];", text.call(pull_back, names, ["hessian"], "V")]
@@ -114,7 +117,17 @@ def _in_batches(
         f"for (long start = begin; start < end; start += {8 * packs}) {{",
         f"    const long stop = end - start < {8 * packs} ? end : start + {8 * packs};",
         f"    {each_pack}",
-        *indented(indented([lanes, *own, *shared, *text.gather_pack(), *_derive(text, derive, n, entries, middle)])),
+        *indented(
+            indented(
+                [
+                    lanes,
+                    *own,
+                    *shared,
+                    *text.gather_pack(),
+                    *_derive(text, derive, n, entries, middle, is_projected=True),
+                ]
+            )
+        ),
         *indented(indented(scatter_gradient(text, slots, capacity))),
         "    }",
         "    if (!sink->blocks) continue;",

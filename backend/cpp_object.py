@@ -26,7 +26,7 @@ from xdsl.dialects.builtin import IntegerType
 from xdsl.dialects.func import FuncOp
 from xdsl.ir import SSAValue
 
-from yasps.backend.cpp_curvature import DENSE_PRELUDE, curve_body
+from yasps.backend.cpp_curvature import curve_body
 from yasps.backend.cpp_function import function_text, vector_function, words_used
 from yasps.backend.scene_view import SceneView, Slot
 from yasps.dialects.mat import Matrix, shape_of
@@ -118,7 +118,8 @@ class _ObjectText:
         self.functions = {op.sym_name.data: op for op in ops if isinstance(op, FuncOp)}
         self.bindings: list[Binding] = []
         self.externs: dict[str, None] = {}
-        self.need_dense_prelude = False
+        self.preludes: dict[str, None] = {PRELUDE: None}
+        """What the file begins with."""
         self.parts: list[str] = []
         self.entries: list[str] = []
 
@@ -233,14 +234,40 @@ class _ObjectText:
 
     def gather_pack(self) -> list[str]:
         """Gathers 8 instances into the declared arrays; lanes past the end repeat the last one."""
-        lines = ["for (long l = 0; l < 8; ++l) {", "    const long i = first + (l < lanes ? l : lanes - 1);"]
+        lines = ["long at[8];"]
         for k, op in enumerate(self.reads()):
-            size = _size(op.result)
-            lines += [f"    double g{k}[{size}];"]
-            lines += [f"    {line}" for line in self.read(op, f"g{k}", "double")]
-            lines += [f"    for (long e = 0; e < {size}; ++e) r{k}[e][l] = g{k}[e];"]
-        lines.append("}")
-        return lines
+            lines += self.read_pack(op, f"r{k}")
+        return [*lines, "(void)at;"]
+
+    def read_pack(self, op: ReadOp, out: str) -> list[str]:
+        """Statements that write a boundary read on the instances first, ... to the packs `out`."""
+        if isinstance(op, DataOp):
+            storage = self.scene.storages[name_of(op.storage)]
+            size, pointer = self.scene.size(storage.symbol), self.bind("storage", storage.symbol)
+            if storage.owner != self.definition.owner:
+                return [f"for (long e = 0; e < {size}; ++e) {out}[e] = splat({pointer}[e]);"]
+            return [f"own_offsets(first, lanes, {size}, at);", f"gather({pointer}, at, {size}, {out});"]
+        if isinstance(op, JoinOp) and name_of(op.source) in self.scene.storages and op.reduction is None:
+            source, connectivity = name_of(op.source), self.scene.connectivities[name_of(op.connectivity)]
+            if connectivity.variable is None:
+                arity, size = connectivity.arity.value.data, self.scene.size(source)
+                indices, pointer = self.bind("indices", connectivity.symbol), self.bind("storage", source)
+                return [
+                    f"for (long s = 0; s < {arity}; ++s) {{",
+                    f"    connected_offsets({indices} + first * {arity} + s, {arity}, lanes, {size}, at);",
+                    f"    gather({pointer}, at, {size}, {out} + s * {size});",
+                    "}",
+                ]
+        size = _size(op.result)
+        return [
+            "for (long l = 0; l < 8; ++l) {",
+            "    const long i = first + (l < lanes ? l : lanes - 1);",
+            f"    double one[{size}];",
+            *(f"    {line}" for line in self.read(op, "one", "double")),
+            f"    for (long e = 0; e < {size}; ++e) {out}[e][l] = one[e];",
+            "    (void)i;",
+            "}",
+        ]
 
     def names(self) -> dict[SSAValue, str]:
         return {op.result: f"r{k}" for k, op in enumerate(self.reads())}
@@ -278,8 +305,7 @@ class _ObjectText:
             self.attribute(self.definition)
         words = words_used(list(self.functions.values())) if any("V*" in part for part in self.parts) else []
         helpers = [vector_function(word, self.emitter.has_vector_math) for word in words]
-        prelude = [PRELUDE, DENSE_PRELUDE] if self.need_dense_prelude else [PRELUDE]
-        text = "\n".join([*prelude, *helpers, *self.externs, *self.parts])
+        text = "\n".join([*self.preludes, *helpers, *self.externs, *self.parts])
         symbol = "yasps_" + hashlib.sha256(text.encode()).hexdigest()[:20]
         return ObjectCode(self.name, symbol, text.replace(SELF, symbol), tuple(self.bindings), tuple(self.entries))
 

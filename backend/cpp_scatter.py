@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from importlib.resources import files
 from typing import TYPE_CHECKING
 
 from yasps.backend.scene_view import Slot
 
 if TYPE_CHECKING:
     from yasps.backend.cpp_object import _ObjectText
+
+SCATTER_PRELUDE = files("yasps.backend").joinpath("scatter_prelude.h").read_text(encoding="utf-8")
 
 
 def _starts(sizes: list[int]) -> list[int]:
@@ -28,10 +31,7 @@ def scatter_gradient(text: _ObjectText, slots: list[Slot], capacity: int) -> lis
     ]
     for slot, entry, kappa in zip(slots, entry_at, kappa_at, strict=True):
         if slot.is_target:
-            lines += [
-                f"    for (long e = 0; e < {slot.size}; ++e)",
-                f"        sink->gradient[kappa[{kappa}] - 1 + e] += gradient[{entry} + e][l];",
-            ]
+            lines += [f"    add_gradient(sink->gradient + kappa[{kappa}] - 1, gradient + {entry}, l, {slot.size});"]
             continue
         pull = text.pull_slot(slot, "b", "1", "rows")
         lines += [
@@ -52,39 +52,100 @@ def scatter_gradient(text: _ObjectText, slots: list[Slot], capacity: int) -> lis
 
 
 def scatter_hessian(text: _ObjectText, slots: list[Slot], n: int, capacity: int, packed: str) -> list[str]:
+    """Statements that add the blocks of one pack; `packed` names the upper triangle of its local Hessians, n x n."""
+    pairs = [(s, t) for s in range(len(slots)) for t in range(s, len(slots))]
+    direct = [pair for pair in pairs if all(slots[k].is_target for k in pair)]
+    lines = _add_packs(text, slots, direct, n=n, capacity=capacity, packed=packed)
+    expanded = [pair for pair in pairs if pair not in direct]
+    if not expanded:
+        return lines
     entry_at = _starts([slot.size for slot in slots])
     kappa_at = _starts([slot.capacity for slot in slots])
-    lines = [
+    lines += [
         "for (long l = 0; l < lanes; ++l) {",
         "    const long i = first + l;",
         f"    const int* const kappa = sink->kappa + i * {capacity};",
         f"    const long* const position = sink->position + i * {capacity * (capacity + 1) // 2};",
-        "    (void)kappa;",
     ]
-    for s, first in enumerate(slots):
-        for t in range(s, len(slots)):
-            second = slots[t]
-            lines.append("    {")
+    for s, t in expanded:
+        first, second = slots[s], slots[t]
+        lines += [
+            "    {",
+            f"        double b[{first.size * second.size}];",
+            f"        for (long r = 0; r < {first.size}; ++r)",
+            f"            for (long c = {'r' if s == t else '0'}; c < {second.size}; ++c)",
+            f"                b[r * {second.size} + c] = {packed}"
+            f"[packed({n}, {entry_at[s]} + r, {entry_at[t]} + c)][l];",
+        ]
+        if s == t:
             lines += [
-                f"        double b[{first.size * second.size}];",
-                f"        for (long r = 0; r < {first.size}; ++r)",
-                f"            for (long c = {'r' if s == t else '0'}; c < {second.size}; ++c)",
-                f"                b[r * {second.size} + c] = {packed}"
-                f"[packed({n}, {entry_at[s]} + r, {entry_at[t]} + c)][l];",
+                f"        for (long r = 1; r < {first.size}; ++r)",
+                f"            for (long c = 0; c < r; ++c) b[r * {first.size} + c] = b[c * {first.size} + r];",
             ]
-            if s == t:
-                lines += [
-                    f"        for (long r = 1; r < {first.size}; ++r)",
-                    f"            for (long c = 0; c < r; ++c) b[r * {first.size} + c] = b[c * {first.size} + r];",
-                ]
-            if first.is_target and second.is_target:
-                pair = _pair(capacity, str(kappa_at[s]), str(kappa_at[t]))
-                lines.append(f"        add_block(sink->blocks, position[{pair}], b, {first.size}, {second.size});")
-            else:
-                lines += [f"        {line}" for line in _expand(text, slots, (s, t), kappa_at, capacity)]
-            lines.append("    }")
+        lines += [*(f"        {line}" for line in _expand(text, slots, (s, t), kappa_at, capacity)), "    }"]
     lines.append("}")
     return lines
+
+
+def _packed(n: int, row: int, col: int) -> int:
+    """Where an entry stands in the packed upper triangle of a symmetric n x n matrix."""
+    row, col = min(row, col), max(row, col)
+    return row * n - row * (row - 1) // 2 + col - row
+
+
+def _add_packs(
+    text: _ObjectText, slots: list[Slot], pairs: list[tuple[int, int]], *, n: int, capacity: int, packed: str
+) -> list[str]:
+    """Adds the blocks of pairs of targets: for each shape of block a loop over its pairs."""
+    entry_at = _starts([slot.size for slot in slots])
+    kappa_at = _starts([slot.capacity for slot in slots])
+    stride = capacity * (capacity + 1) // 2
+    lines: list[str] = []
+    for rows, cols in dict.fromkeys((slots[s].size, slots[t].size) for s, t in pairs):
+        same = [(s, t) for s, t in pairs if (slots[s].size, slots[t].size) == (rows, cols)]
+        entries = [
+            _packed(n, entry_at[s] + r, entry_at[t] + c) for s, t in same for r in range(rows) for c in range(cols)
+        ]
+        places = [_packed(capacity, kappa_at[s], kappa_at[t]) for s, t in same]
+        text.preludes[SCATTER_PRELUDE] = None
+        if (rows, cols) != (3, 3):
+            text.externs[_add_packs_of_shape(rows, cols)] = None
+        lines += [
+            "{",
+            f"    static const short entry[] = {{{', '.join(map(str, entries))}}};",
+            f"    static const short place[] = {{{', '.join(map(str, places))}}};",
+            f"    const long* const position = sink->position + first * {stride};",
+            f"    add_packs_{rows}x{cols}(sink->blocks, position, {stride}, lanes, "
+            f"{packed}, entry, place, {len(same)});",
+            "}",
+        ]
+    return lines
+
+
+def _add_packs_of_shape(rows: int, cols: int) -> str:
+    """The function that adds blocks of this shape; see add_packs_3x3 in the prelude."""
+    size = rows * cols
+    vectors = -(-size // 8)
+    return f"""\
+static void add_packs_{rows}x{cols}(double* blocks, const long* position, long stride, long lanes, const V* h,
+                                    const short* at, const short* place, long pairs) {{
+    V block[8 * {vectors}];
+    for (long p = 0; p < pairs; ++p, at += {size}) {{
+        for (long k = 0; k + 8 <= {size}; k += 8) {{
+            V entries[8];
+            for (long e = 0; e < 8; ++e) entries[e] = h[at[k + e]];
+            transpose(entries);
+            for (long l = 0; l < 8; ++l) block[{vectors} * l + k / 8] = entries[l];
+        }}
+        for (long k = {size // 8 * 8}; k < {size}; ++k)
+            for (long l = 0; l < 8; ++l) ((double*)(block + {vectors} * l))[k] = h[at[k]][l];
+        for (long l = 0; l < lanes; ++l) {{
+            const double* const b = (const double*)(block + {vectors} * l);
+            add_block(blocks, position[l * stride + place[p]], b, {rows}, {cols});
+        }}
+    }}
+}}
+"""
 
 
 def _expand(

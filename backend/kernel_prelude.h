@@ -1,5 +1,6 @@
 // The first lines of every generated file. No headers: they would take longer to compile than the kernels.
 typedef double V __attribute__((vector_size(64), may_alias));  // one value of 8 instances
+typedef double V_unaligned __attribute__((vector_size(64), aligned(8), may_alias));
 
 // Layout shared with runtime/runtime.h.
 struct yasps_sink {
@@ -11,11 +12,106 @@ struct yasps_sink {
     long (*project)(double* packed, int width, int lanes, int mode);
     int mode;
     long* projected;
+    long (*project_isotropic)(double* packed, const double* deformation, int width, int lanes, int mode);
 };
 
 typedef const void* const* Arguments;
 
 static inline V splat(double x) { return V{x, x, x, x, x, x, x, x}; }
+
+// Turns 8 entries of 8 instances into 8 instances of 8 entries, or back. Written out, since -O2 leaves loops alone.
+static inline void transpose(V* a) {
+    const V p0 = __builtin_shufflevector(a[0], a[1], 0, 8, 2, 10, 4, 12, 6, 14);
+    const V q0 = __builtin_shufflevector(a[0], a[1], 1, 9, 3, 11, 5, 13, 7, 15);
+    const V p1 = __builtin_shufflevector(a[2], a[3], 0, 8, 2, 10, 4, 12, 6, 14);
+    const V q1 = __builtin_shufflevector(a[2], a[3], 1, 9, 3, 11, 5, 13, 7, 15);
+    const V p2 = __builtin_shufflevector(a[4], a[5], 0, 8, 2, 10, 4, 12, 6, 14);
+    const V q2 = __builtin_shufflevector(a[4], a[5], 1, 9, 3, 11, 5, 13, 7, 15);
+    const V p3 = __builtin_shufflevector(a[6], a[7], 0, 8, 2, 10, 4, 12, 6, 14);
+    const V q3 = __builtin_shufflevector(a[6], a[7], 1, 9, 3, 11, 5, 13, 7, 15);
+    const V p01_low = __builtin_shufflevector(p0, p1, 0, 1, 8, 9, 4, 5, 12, 13);
+    const V p01_high = __builtin_shufflevector(p0, p1, 2, 3, 10, 11, 6, 7, 14, 15);
+    const V p23_low = __builtin_shufflevector(p2, p3, 0, 1, 8, 9, 4, 5, 12, 13);
+    const V p23_high = __builtin_shufflevector(p2, p3, 2, 3, 10, 11, 6, 7, 14, 15);
+    const V q01_low = __builtin_shufflevector(q0, q1, 0, 1, 8, 9, 4, 5, 12, 13);
+    const V q01_high = __builtin_shufflevector(q0, q1, 2, 3, 10, 11, 6, 7, 14, 15);
+    const V q23_low = __builtin_shufflevector(q2, q3, 0, 1, 8, 9, 4, 5, 12, 13);
+    const V q23_high = __builtin_shufflevector(q2, q3, 2, 3, 10, 11, 6, 7, 14, 15);
+    a[0] = __builtin_shufflevector(p01_low, p23_low, 0, 1, 2, 3, 8, 9, 10, 11);
+    a[4] = __builtin_shufflevector(p01_low, p23_low, 4, 5, 6, 7, 12, 13, 14, 15);
+    a[1] = __builtin_shufflevector(q01_low, q23_low, 0, 1, 2, 3, 8, 9, 10, 11);
+    a[5] = __builtin_shufflevector(q01_low, q23_low, 4, 5, 6, 7, 12, 13, 14, 15);
+    a[2] = __builtin_shufflevector(p01_high, p23_high, 0, 1, 2, 3, 8, 9, 10, 11);
+    a[6] = __builtin_shufflevector(p01_high, p23_high, 4, 5, 6, 7, 12, 13, 14, 15);
+    a[3] = __builtin_shufflevector(q01_high, q23_high, 0, 1, 2, 3, 8, 9, 10, 11);
+    a[7] = __builtin_shufflevector(q01_high, q23_high, 4, 5, 6, 7, 12, 13, 14, 15);
+}
+
+// Where the instances first, first + 1, ... of a pack have `size` numbers each; lanes past the end repeat the last one.
+static inline void own_offsets(long first, long lanes, long size, long* at) {
+#pragma GCC unroll 8
+    for (long l = 0; l < 8; ++l) at[l] = (first + (l < lanes ? l : lanes - 1)) * size;
+}
+
+// The same for what they are connected to: instance first + l to indices[l * arity].
+static inline void connected_offsets(const int* indices, long arity, long lanes, long size, long* at) {
+    if (lanes == 8) {
+#pragma GCC unroll 8
+        for (long l = 0; l < 8; ++l) at[l] = indices[l * arity] * size;
+    } else {
+        for (long l = 0; l < 8; ++l) at[l] = indices[(l < lanes ? l : lanes - 1) * arity] * size;
+    }
+}
+
+// The n numbers at p + at[l] of the instances l of a pack.
+static inline void gather(const double* p, const long* at, long n, V* to) {
+    long k = 0;
+    for (; k + 8 <= n; k += 8) {
+#pragma GCC unroll 8
+        for (long l = 0; l < 8; ++l) to[k + l] = *(const V_unaligned*)(p + at[l] + k);
+        transpose(to + k);
+    }
+    for (; k < n; ++k) {
+        const double* const q = p + k;
+        to[k] = V{q[at[0]], q[at[1]], q[at[2]], q[at[3]], q[at[4]], q[at[5]], q[at[6]], q[at[7]]};
+    }
+}
+
+// Zero where all n numbers of a lane are finite, else not a number. Four sums, because one would wait for itself.
+static inline V sum_of_zeros(const V* x, long n) {
+    V a = splat(0.0), b = a, c = a, d = a;
+    for (; n >= 4; n -= 4, x += 4) {
+        a += x[0] * 0.0;
+        b += x[1] * 0.0;
+        c += x[2] * 0.0;
+        d += x[3] * 0.0;
+    }
+    for (; n > 0; --n, ++x) a += x[0] * 0.0;
+    return (a + b) + (c + d);
+}
+
+// Whether any lane of what sum_of_zeros gave is not a number.
+static inline bool any_not_finite(V zeros) {
+    zeros += __builtin_shufflevector(zeros, zeros, 4, 5, 6, 7, 0, 1, 2, 3);
+    zeros += __builtin_shufflevector(zeros, zeros, 2, 3, 0, 1, 6, 7, 4, 5);
+    return !(zeros[0] + zeros[1] == 0.0);
+}
+
+// Asks for the memory of a pack's blocks, `pairs` for each instance, while their values are still being computed.
+static inline void prefetch_blocks(const yasps_sink* sink, long first, long pairs, long lanes) {
+    const long* const position = sink->position + first * pairs;
+    for (long k = 0; k < pairs * lanes; ++k) {
+        const double* const at = sink->blocks + (position[k] >> 2);
+        __builtin_prefetch(at, 1);
+        __builtin_prefetch(at + 8, 1);
+    }
+}
+
+// Adds n entries of lane l.
+static inline void add_gradient(double* to, const V* from, long l, long n) {
+#pragma GCC unroll 4
+    for (long e = 0; e < n; ++e) to[e] += from[e][l];
+}
 
 // Adds a rows x cols block to its place in HessianBlocks; see PositionInData in the runtime.
 static inline void add_block(double* blocks, long position, const double* b, long rows, long cols) {

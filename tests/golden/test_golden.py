@@ -19,6 +19,7 @@ from xdsl.parser import Parser
 from yasps import Scene, concat_rows
 from yasps.backend.cpp_curvature import DENSE_PRELUDE
 from yasps.backend.cpp_object import PRELUDE, ObjectEmitter
+from yasps.backend.cpp_scatter import SCATTER_PRELUDE
 from yasps.backend.scene_view import SceneView
 from yasps.frontend.emit import SceneEmitter
 from yasps.passes.ir_text import text_of
@@ -113,7 +114,11 @@ def made_of(scene: Scene) -> dict[str, str]:
         owners.setdefault(code.symbol, code.name)
     for code in codes:
         text = code.text
-        for prelude, what in ((PRELUDE, "kernel_prelude.h"), (DENSE_PRELUDE, "dense_prelude.h")):
+        for prelude, what in (
+            (PRELUDE, "kernel_prelude.h"),
+            (DENSE_PRELUDE, "dense_prelude.h"),
+            (SCATTER_PRELUDE, "scatter_prelude.h"),
+        ):
             text = text.replace(prelude, f"// backend/{what} stands here\n")
         named = re.sub(r"yasps_[0-9a-f]{20}", lambda match: f"yasps<{owners[match[0]]}>", text)
         texts[f"generated/{code.name}.cpp"] = named

@@ -17,15 +17,18 @@ extern "C" void yasps<m.springs.stretch>_batch(Arguments a, long begin, long end
     for (long first = begin; first < end; first += 8) {
         const long lanes = end - first < 8 ? end - first : 8;
         V r0[4];
+        long at[8];
         for (long l = 0; l < 8; ++l) {
             const long i = first + (l < lanes ? l : lanes - 1);
-            double g0[4];
+            double one[4];
             for (long s = 0; s < 2; ++s) {
                 const long j = p0[i * 2 + s];
-                yasps<m.tips.x>_value(p1, j, (g0 + s * 2));
+                yasps<m.tips.x>_value(p1, j, (one + s * 2));
             }
-            for (long e = 0; e < 4; ++e) r0[e][l] = g0[e];
+            for (long e = 0; e < 4; ++e) r0[e][l] = one[e];
+            (void)i;
         }
+        (void)at;
         V y[1];
         value_pack(r0, y);
         for (long l = 0; l < lanes; ++l)

@@ -33,23 +33,26 @@ extern "C" long yasps<m.springs.stretch.derivative>_derive(Arguments a, long beg
     for (long first = begin; first < end; first += 8) {
         const long lanes = end - first < 8 ? end - first : 8;
         V r0[4];
+        long at[8];
         for (long l = 0; l < 8; ++l) {
             const long i = first + (l < lanes ? l : lanes - 1);
-            double g0[4];
+            double one[4];
             for (long s = 0; s < 2; ++s) {
                 const long j = p0[i * 2 + s];
-                yasps<m.tips.x>_value(p2, j, (g0 + s * 2));
+                yasps<m.tips.x>_value(p2, j, (one + s * 2));
             }
-            for (long e = 0; e < 4; ++e) r0[e][l] = g0[e];
+            for (long e = 0; e < 4; ++e) r0[e][l] = one[e];
+            (void)i;
         }
+        (void)at;
         V gradient[4];
         V middle[10];
         derive_pack(r0, gradient, middle);
-        V check = splat(0.0);
-        for (long k = 0; k < 4; ++k) check += gradient[k] * 0.0;
-        for (long k = 0; k < 10; ++k) check += middle[k] * 0.0;
-        for (long l = 0; l < lanes; ++l)
-            if (check[l] != 0.0) return first + l;  // not finite
+        V check = sum_of_zeros(gradient, 4);
+        check += sum_of_zeros(middle, 10);
+        if (any_not_finite(check))
+            for (long l = 0; l < lanes; ++l)
+                if (check[l] != 0.0) return first + l;
         if (sink->blocks) {
             for (long l = 0; l < lanes; ++l) {
                 const long i = first + l;

@@ -44,15 +44,18 @@ extern "C" void yasps<both.pp.barrier>_batch(Arguments a, long begin, long end, 
     for (long first = begin; first < end; first += 8) {
         const long lanes = end - first < 8 ? end - first : 8;
         V r0[6];
+        long at[8];
         for (long l = 0; l < 8; ++l) {
             const long i = first + (l < lanes ? l : lanes - 1);
-            double g0[6];
+            double one[6];
             for (long s = 0; s < 2; ++s) {
                 const long j = p0[i * 2 + s];
-                yasps<both.v.x>_value(p1, j, (g0 + s * 3));
+                yasps<both.v.x>_value(p1, j, (one + s * 3));
             }
-            for (long e = 0; e < 6; ++e) r0[e][l] = g0[e];
+            for (long e = 0; e < 6; ++e) r0[e][l] = one[e];
+            (void)i;
         }
+        (void)at;
         V y[1];
         value_pack(r0, y);
         for (long l = 0; l < lanes; ++l)

@@ -137,23 +137,25 @@ extern "C" long yasps<both.pp.barrier.derivative>_derive(Arguments a, long begin
         for (long first = start, pack = 0; first < stop; first += 8, ++pack) {
             const long lanes = stop - first < 8 ? stop - first : 8;
             V r0[6];
+            long at[8];
             for (long l = 0; l < 8; ++l) {
                 const long i = first + (l < lanes ? l : lanes - 1);
-                double g0[6];
+                double one[6];
                 for (long s = 0; s < 2; ++s) {
                     const long j = p0[i * 2 + s];
-                    yasps<both.v.x>_value(p1, j, (g0 + s * 3));
+                    yasps<both.v.x>_value(p1, j, (one + s * 3));
                 }
-                for (long e = 0; e < 6; ++e) r0[e][l] = g0[e];
+                for (long e = 0; e < 6; ++e) r0[e][l] = one[e];
+                (void)i;
             }
+            (void)at;
             V gradient[6];
             V* const middle = middle_of[pack];
             derive_pack(r0, gradient, middle);
-            V check = splat(0.0);
-            for (long k = 0; k < 6; ++k) check += gradient[k] * 0.0;
-            for (long k = 0; k < 6; ++k) check += middle[k] * 0.0;
-            for (long l = 0; l < lanes; ++l)
-                if (check[l] != 0.0) return first + l;  // not finite
+            V check = sum_of_zeros(gradient, 6);
+            if (any_not_finite(check))
+                for (long l = 0; l < lanes; ++l)
+                    if (check[l] != 0.0) return first + l;
             for (long l = 0; l < lanes; ++l) {
                 const long i = first + l;
                 const int* const kappa = sink->kappa + i * 4;
@@ -189,13 +191,13 @@ extern "C" long yasps<both.pp.barrier.derivative>_derive(Arguments a, long begin
         for (long first = start, pack = 0; first < stop; first += 8, ++pack) {
             const long lanes = stop - first < 8 ? stop - first : 8;
             V* const middle = middle_of[pack];
+            prefetch_blocks(sink, first, 10, lanes);
             V hessian[21];
             pull_back_pack(middle, hessian);
             for (long l = 0; l < lanes; ++l) {
                 const long i = first + l;
                 const int* const kappa = sink->kappa + i * 4;
                 const long* const position = sink->position + i * 10;
-                (void)kappa;
                 {
                     double b[9];
                     for (long r = 0; r < 3; ++r)

@@ -36,15 +36,12 @@ extern "C" void yasps<m.t.swell>_batch(Arguments a, long begin, long end, double
     for (long first = begin; first < end; first += 8) {
         const long lanes = end - first < 8 ? end - first : 8;
         V r0[12];
-        for (long l = 0; l < 8; ++l) {
-            const long i = first + (l < lanes ? l : lanes - 1);
-            double g0[12];
-            for (long s = 0; s < 4; ++s) {
-                const long j = p0[i * 4 + s];
-                for (long e = 0; e < 3; ++e) (g0 + s * 3)[e] = p1[j * 3 + e];
-            }
-            for (long e = 0; e < 12; ++e) r0[e][l] = g0[e];
+        long at[8];
+        for (long s = 0; s < 4; ++s) {
+            connected_offsets(p0 + first * 4 + s, 4, lanes, 3, at);
+            gather(p1, at, 3, r0 + s * 3);
         }
+        (void)at;
         V y[1];
         value_pack(r0, y);
         for (long l = 0; l < lanes; ++l)

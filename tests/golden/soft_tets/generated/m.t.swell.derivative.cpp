@@ -1,5 +1,7 @@
 // backend/kernel_prelude.h stands here
 
+// backend/scatter_prelude.h stands here
+
 static inline void pull_back_pack(const V* x0, V* y0) {
     const V t45 = x0[0] + x0[6];
     const V t46 = x0[3] + t45;
@@ -403,34 +405,26 @@ extern "C" long yasps<m.t.swell.derivative>_derive(Arguments a, long begin, long
         for (long first = start, pack = 0; first < stop; first += 8, ++pack) {
             const long lanes = stop - first < 8 ? stop - first : 8;
             V r0[12];
-            for (long l = 0; l < 8; ++l) {
-                const long i = first + (l < lanes ? l : lanes - 1);
-                double g0[12];
-                for (long s = 0; s < 4; ++s) {
-                    const long j = p0[i * 4 + s];
-                    for (long e = 0; e < 3; ++e) (g0 + s * 3)[e] = p1[j * 3 + e];
-                }
-                for (long e = 0; e < 12; ++e) r0[e][l] = g0[e];
+            long at[8];
+            for (long s = 0; s < 4; ++s) {
+                connected_offsets(p0 + first * 4 + s, 4, lanes, 3, at);
+                gather(p1, at, 3, r0 + s * 3);
             }
+            (void)at;
             V gradient[12];
             V* const middle = middle_of[pack];
             derive_pack(r0, gradient, middle);
-            V check = splat(0.0);
-            for (long k = 0; k < 12; ++k) check += gradient[k] * 0.0;
-            for (long k = 0; k < 45; ++k) check += middle[k] * 0.0;
-            for (long l = 0; l < lanes; ++l)
-                if (check[l] != 0.0) return first + l;  // not finite
+            V check = sum_of_zeros(gradient, 12);
+            if (any_not_finite(check))
+                for (long l = 0; l < lanes; ++l)
+                    if (check[l] != 0.0) return first + l;
             for (long l = 0; l < lanes; ++l) {
                 const long i = first + l;
                 const int* const kappa = sink->kappa + i * 4;
-                for (long e = 0; e < 3; ++e)
-                    sink->gradient[kappa[0] - 1 + e] += gradient[0 + e][l];
-                for (long e = 0; e < 3; ++e)
-                    sink->gradient[kappa[1] - 1 + e] += gradient[3 + e][l];
-                for (long e = 0; e < 3; ++e)
-                    sink->gradient[kappa[2] - 1 + e] += gradient[6 + e][l];
-                for (long e = 0; e < 3; ++e)
-                    sink->gradient[kappa[3] - 1 + e] += gradient[9 + e][l];
+                add_gradient(sink->gradient + kappa[0] - 1, gradient + 0, l, 3);
+                add_gradient(sink->gradient + kappa[1] - 1, gradient + 3, l, 3);
+                add_gradient(sink->gradient + kappa[2] - 1, gradient + 6, l, 3);
+                add_gradient(sink->gradient + kappa[3] - 1, gradient + 9, l, 3);
                 (void)i;
             }
         }
@@ -441,91 +435,14 @@ extern "C" long yasps<m.t.swell.derivative>_derive(Arguments a, long begin, long
         for (long first = start, pack = 0; first < stop; first += 8, ++pack) {
             const long lanes = stop - first < 8 ? stop - first : 8;
             V* const middle = middle_of[pack];
+            prefetch_blocks(sink, first, 10, lanes);
             V hessian[78];
             pull_back_pack(middle, hessian);
-            for (long l = 0; l < lanes; ++l) {
-                const long i = first + l;
-                const int* const kappa = sink->kappa + i * 4;
-                const long* const position = sink->position + i * 10;
-                (void)kappa;
-                {
-                    double b[9];
-                    for (long r = 0; r < 3; ++r)
-                        for (long c = r; c < 3; ++c)
-                            b[r * 3 + c] = hessian[packed(12, 0 + r, 0 + c)][l];
-                    for (long r = 1; r < 3; ++r)
-                        for (long c = 0; c < r; ++c) b[r * 3 + c] = b[c * 3 + r];
-                    add_block(sink->blocks, position[0 * 4 - 0 * (0 - 1) / 2 + 0 - 0], b, 3, 3);
-                }
-                {
-                    double b[9];
-                    for (long r = 0; r < 3; ++r)
-                        for (long c = 0; c < 3; ++c)
-                            b[r * 3 + c] = hessian[packed(12, 0 + r, 3 + c)][l];
-                    add_block(sink->blocks, position[0 * 4 - 0 * (0 - 1) / 2 + 1 - 0], b, 3, 3);
-                }
-                {
-                    double b[9];
-                    for (long r = 0; r < 3; ++r)
-                        for (long c = 0; c < 3; ++c)
-                            b[r * 3 + c] = hessian[packed(12, 0 + r, 6 + c)][l];
-                    add_block(sink->blocks, position[0 * 4 - 0 * (0 - 1) / 2 + 2 - 0], b, 3, 3);
-                }
-                {
-                    double b[9];
-                    for (long r = 0; r < 3; ++r)
-                        for (long c = 0; c < 3; ++c)
-                            b[r * 3 + c] = hessian[packed(12, 0 + r, 9 + c)][l];
-                    add_block(sink->blocks, position[0 * 4 - 0 * (0 - 1) / 2 + 3 - 0], b, 3, 3);
-                }
-                {
-                    double b[9];
-                    for (long r = 0; r < 3; ++r)
-                        for (long c = r; c < 3; ++c)
-                            b[r * 3 + c] = hessian[packed(12, 3 + r, 3 + c)][l];
-                    for (long r = 1; r < 3; ++r)
-                        for (long c = 0; c < r; ++c) b[r * 3 + c] = b[c * 3 + r];
-                    add_block(sink->blocks, position[1 * 4 - 1 * (1 - 1) / 2 + 1 - 1], b, 3, 3);
-                }
-                {
-                    double b[9];
-                    for (long r = 0; r < 3; ++r)
-                        for (long c = 0; c < 3; ++c)
-                            b[r * 3 + c] = hessian[packed(12, 3 + r, 6 + c)][l];
-                    add_block(sink->blocks, position[1 * 4 - 1 * (1 - 1) / 2 + 2 - 1], b, 3, 3);
-                }
-                {
-                    double b[9];
-                    for (long r = 0; r < 3; ++r)
-                        for (long c = 0; c < 3; ++c)
-                            b[r * 3 + c] = hessian[packed(12, 3 + r, 9 + c)][l];
-                    add_block(sink->blocks, position[1 * 4 - 1 * (1 - 1) / 2 + 3 - 1], b, 3, 3);
-                }
-                {
-                    double b[9];
-                    for (long r = 0; r < 3; ++r)
-                        for (long c = r; c < 3; ++c)
-                            b[r * 3 + c] = hessian[packed(12, 6 + r, 6 + c)][l];
-                    for (long r = 1; r < 3; ++r)
-                        for (long c = 0; c < r; ++c) b[r * 3 + c] = b[c * 3 + r];
-                    add_block(sink->blocks, position[2 * 4 - 2 * (2 - 1) / 2 + 2 - 2], b, 3, 3);
-                }
-                {
-                    double b[9];
-                    for (long r = 0; r < 3; ++r)
-                        for (long c = 0; c < 3; ++c)
-                            b[r * 3 + c] = hessian[packed(12, 6 + r, 9 + c)][l];
-                    add_block(sink->blocks, position[2 * 4 - 2 * (2 - 1) / 2 + 3 - 2], b, 3, 3);
-                }
-                {
-                    double b[9];
-                    for (long r = 0; r < 3; ++r)
-                        for (long c = r; c < 3; ++c)
-                            b[r * 3 + c] = hessian[packed(12, 9 + r, 9 + c)][l];
-                    for (long r = 1; r < 3; ++r)
-                        for (long c = 0; c < r; ++c) b[r * 3 + c] = b[c * 3 + r];
-                    add_block(sink->blocks, position[3 * 4 - 3 * (3 - 1) / 2 + 3 - 3], b, 3, 3);
-                }
+            {
+                static const short entry[] = {0, 1, 2, 1, 12, 13, 2, 13, 23, 3, 4, 5, 14, 15, 16, 24, 25, 26, 6, 7, 8, 17, 18, 19, 27, 28, 29, 9, 10, 11, 20, 21, 22, 30, 31, 32, 33, 34, 35, 34, 42, 43, 35, 43, 50, 36, 37, 38, 44, 45, 46, 51, 52, 53, 39, 40, 41, 47, 48, 49, 54, 55, 56, 57, 58, 59, 58, 63, 64, 59, 64, 68, 60, 61, 62, 65, 66, 67, 69, 70, 71, 72, 73, 74, 73, 75, 76, 74, 76, 77};
+                static const short place[] = {0, 1, 2, 3, 4, 5, 6, 7, 8, 9};
+                const long* const position = sink->position + first * 10;
+                add_packs_3x3(sink->blocks, position, 10, lanes, hessian, entry, place, 10);
             }
         }
     }

@@ -13,15 +13,12 @@ extern "C" void yasps<m.v.gravity>_batch(Arguments a, long begin, long end, doub
         const long lanes = end - first < 8 ? end - first : 8;
         V r0[3];
         V r1[1];
-        for (long l = 0; l < 8; ++l) {
-            const long i = first + (l < lanes ? l : lanes - 1);
-            double g0[3];
-            for (long e = 0; e < 3; ++e) g0[e] = p0[i * 3 + e];
-            for (long e = 0; e < 3; ++e) r0[e][l] = g0[e];
-            double g1[1];
-            for (long e = 0; e < 1; ++e) g1[e] = p1[i * 1 + e];
-            for (long e = 0; e < 1; ++e) r1[e][l] = g1[e];
-        }
+        long at[8];
+        own_offsets(first, lanes, 3, at);
+        gather(p0, at, 3, r0);
+        own_offsets(first, lanes, 1, at);
+        gather(p1, at, 1, r1);
+        (void)at;
         V y[1];
         value_pack(r0, r1, y);
         for (long l = 0; l < lanes; ++l)

@@ -14,26 +14,22 @@ extern "C" long yasps<m.v.gravity.derivative>_derive(Arguments a, long begin, lo
         const long lanes = end - first < 8 ? end - first : 8;
         V r0[3];
         V r1[1];
-        for (long l = 0; l < 8; ++l) {
-            const long i = first + (l < lanes ? l : lanes - 1);
-            double g0[3];
-            for (long e = 0; e < 3; ++e) g0[e] = p0[i * 3 + e];
-            for (long e = 0; e < 3; ++e) r0[e][l] = g0[e];
-            double g1[1];
-            for (long e = 0; e < 1; ++e) g1[e] = p1[i * 1 + e];
-            for (long e = 0; e < 1; ++e) r1[e][l] = g1[e];
-        }
+        long at[8];
+        own_offsets(first, lanes, 3, at);
+        gather(p0, at, 3, r0);
+        own_offsets(first, lanes, 1, at);
+        gather(p1, at, 1, r1);
+        (void)at;
         V gradient[3];
         derive_pack(r1, gradient);
-        V check = splat(0.0);
-        for (long k = 0; k < 3; ++k) check += gradient[k] * 0.0;
-        for (long l = 0; l < lanes; ++l)
-            if (check[l] != 0.0) return first + l;  // not finite
+        V check = sum_of_zeros(gradient, 3);
+        if (any_not_finite(check))
+            for (long l = 0; l < lanes; ++l)
+                if (check[l] != 0.0) return first + l;
         for (long l = 0; l < lanes; ++l) {
             const long i = first + l;
             const int* const kappa = sink->kappa + i * 1;
-            for (long e = 0; e < 3; ++e)
-                sink->gradient[kappa[0] - 1 + e] += gradient[0 + e][l];
+            add_gradient(sink->gradient + kappa[0] - 1, gradient + 0, l, 3);
             (void)i;
         }
     }
