@@ -9,10 +9,9 @@ from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
-from xdsl.dialects.builtin import ModuleOp
 
-from yasps.backend.cpp_object import Binding, ObjectCode, ObjectEmitter
-from yasps.backend.scene_view import SceneView
+from yasps.backend.cpp_object import Binding, ObjectCode
+from yasps.backend.scene_code import SceneCode
 from yasps.runtime.toolchain import Compiler, Source, compile_sources, link
 
 LINK_FLAGS = ("-Wl,-Bsymbolic",)
@@ -34,11 +33,9 @@ class Program:
     Several programs may share one loaded library: the library holds no state.
     """
 
-    def __init__(self, module: ModuleOp, compiler: Compiler, dump_to: Path | None = None) -> None:
-        self.scene = SceneView(module)
-        emitter = ObjectEmitter(self.scene, compiler.has_vector_math)
-        emitter.emit_all()
-        self.codes: dict[str, ObjectCode] = {n: c for n, c in emitter.codes.items() if c.entries}
+    def __init__(self, code: SceneCode, compiler: Compiler, dump_to: Path | None = None) -> None:
+        self.scene = code
+        self.codes: dict[str, ObjectCode] = code.codes
         if dump_to is not None:
             dump_sources(list(self.codes.values()), dump_to)
         unique = {code.symbol: code for code in self.codes.values()}
@@ -75,9 +72,9 @@ class Program:
         """Address of the object's pointer array."""
         return ctypes.addressof(self._arguments[name])
 
-    def indices(self, name: str, count: int) -> NDArray[np.int32]:
-        """An integer attribute (placement indices) on `count` instances, [count, entries]."""
-        out = np.zeros((count, self.scene.size(name)), np.int32)
+    def indices(self, name: str, count: int, capacity: int) -> NDArray[np.int32]:
+        """An integer attribute (placement indices) of `capacity` entries on `count` instances, [count, capacity]."""
+        out = np.zeros((count, capacity), np.int32)
         function = ctypes.CFUNCTYPE(None, ctypes.c_void_p, ctypes.c_long, ctypes.c_long, ctypes.c_void_p)
         function(self.function(name, "batch"))(self.arguments(name), 0, count, out.ctypes.data)
         return out

@@ -14,19 +14,22 @@ from xdsl.dialects.builtin import ModuleOp
 from yasps.backend.cpp_object import Binding
 from yasps.backend.interpreter import SceneData
 from yasps.backend.program import CompiledModule, Program
-from yasps.dialects.rel import name_of
+from yasps.backend.scene_code import SceneCode
 from yasps.frontend.attribute import Attribute, FloatArray, Joined, Location, Stored, operands_of
 from yasps.frontend.connectivity import Connectivity
 from yasps.frontend.emit import EnergyTerm, SceneEmitter
 from yasps.frontend.entity import Entity
 from yasps.frontend.errors import ConnectivityError, NotFiniteError, UnsupportedSceneError
 from yasps.frontend.primitive import Primitive, PrimitiveUnion
+from yasps.frontend.scene_key import compiler_digest, text_without_sizes
 from yasps.passes.errors import CompileError
 from yasps.passes.pipeline import run_pipeline
 from yasps.runtime.assembly import Assembler, KernelCall, evaluate
 from yasps.runtime.block_matrix import BlockMatrix
 from yasps.runtime.library import Projection, Runtime
-from yasps.runtime.solver import PcgSolver, SolveReport
+from yasps.runtime.solver import SolveReport
+from yasps.runtime.solver_choice import LinearSolver
+from yasps.runtime.toolchain import kept_text
 
 MODES = {"clamp": Projection.CLAMP, "abs": Projection.ABS, "none": Projection.NONE}
 
@@ -114,19 +117,17 @@ class CompiledScene:
         self.targets = list(targets)
         self.emitter = SceneEmitter(scene_name)
         start = time.perf_counter()
-        self.module: ModuleOp = self.emitter.emit(energies, targets, outputs)
-        try:
-            run_pipeline(self.module, dump_to, locations=dump_locations)
-        except CompileError as error:
-            raise UnsupportedSceneError(str(error)) from error
+        self._unlowered: ModuleOp | None = self.emitter.emit(energies, targets, outputs)
+        self._module: ModuleOp | None = None
+        code = self._code(dump_to, dump_locations)
         symbolic = time.perf_counter() - start
-        self.program = Program(self.module, runtime.compiler, dump_to)
+        self.program = Program(code, runtime.compiler, dump_to)
         native = time.perf_counter() - start - symbolic
         self.report = CompileReport(symbolic, native, (*self._runtime_log(), *self.program.log))
         self.static_matrix = BlockMatrix(runtime, with_diagonal=True)
         self.dynamic_matrix = BlockMatrix(runtime, with_diagonal=False)
         self._assembler = Assembler(runtime)
-        self._solver = PcgSolver(runtime)
+        self._solver = LinearSolver(runtime)
         self._starts: dict[str, NDArray[np.int64]] = {}
         self._offsets: dict[str, NDArray[np.int64]] = {}
         self._terms = self._make_terms(energies)
@@ -135,25 +136,54 @@ class CompiledScene:
         self._static_valid = False
         self._dynamic_valid = False
 
+    @property
+    def module(self) -> ModuleOp:
+        """The scene's IR after all passes, which run now if the code came from the cache."""
+        if self._module is None:
+            self._module = self._lower(None, locations=False)
+        return self._module
+
+    def _lower(self, dump_to: Path | None, *, locations: bool) -> ModuleOp:
+        assert self._unlowered is not None
+        module, self._unlowered = self._unlowered, None
+        try:
+            return run_pipeline(module, dump_to, locations=locations)
+        except CompileError as error:
+            raise UnsupportedSceneError(str(error)) from error
+
+    def _code(self, dump_to: Path | None, locations: bool) -> SceneCode:
+        """The generated code: of an equal scene, of whatever size, from the cache of compiled code."""
+        vector_math = self.runtime.compiler.has_vector_math
+        if dump_to is not None:
+            self._module = self._lower(dump_to, locations=locations)
+            return SceneCode.of(self._module, vector_math)
+
+        def make() -> str:
+            return SceneCode.of(self.module, vector_math).to_text()
+
+        assert self._unlowered is not None
+        parts = [text_without_sizes(self._unlowered), str(vector_math), compiler_digest()]
+        text, _ = kept_text("scene", parts, make)
+        return SceneCode.from_text(text)
+
     def _runtime_log(self) -> list[CompiledModule]:
         return [CompiledModule(item.name, item.seconds, item.cached, 0) for item in self.runtime.objects]
 
     def _make_terms(self, energies: Sequence[EnergyTerm]) -> list[_Term]:
-        derivatives = {name_of(op.attribute): op for op in self.program.scene.derivatives}
+        derivatives = self.program.scene.derivatives
         terms = []
         for energy in energies:
             symbol = self.emitter.symbol_of(energy.attribute)
             derivative = derivatives.get(symbol)
             owner = energy.attribute.owner
-            kappa = name_of(derivative.indices) if derivative is not None and derivative.indices is not None else None
             terms.append(
                 _Term(
                     symbol,
                     energy.attribute.where,
                     owner if isinstance(owner, Primitive | PrimitiveUnion) else None,
                     derivative.symbol if derivative is not None else None,
-                    kappa,
-                    self.program.scene.size(kappa) if kappa is not None else 0,
+                    derivative.indices if derivative is not None else None,
+                    derivative.capacity if derivative is not None else 0,
                     energy.dynamic,
                     MODES[energy.projection],
                 )
@@ -185,8 +215,8 @@ class CompiledScene:
     @property
     def is_outgrown(self) -> bool:
         """Has a connectivity of variable arity got longer rows than the code was compiled for?"""
-        connectivities = self.program.scene.connectivities
-        return any(c.arity != connectivities[name].arity.value.data for name, c in self.emitter.connected.items())
+        arities = self.program.scene.arities
+        return any(c.arity != arities[name] for name, c in self.emitter.connected.items())
 
     def bind(self) -> None:
         """Points the program to the scene's arrays, if any has moved.
@@ -278,7 +308,7 @@ class CompiledScene:
             kappas = []
             for term in terms:
                 assert term.kappa is not None
-                term.kappas = self.program.indices(term.kappa, term.count)
+                term.kappas = self.program.indices(term.kappa, term.count, term.capacity)
                 kappas.append(term.kappas)
             for term, positions in zip(terms, matrix.build(boundaries, block_sizes, kappas), strict=True):
                 term.positions = positions
@@ -319,11 +349,17 @@ class CompiledScene:
         return gradient
 
     def solve_linear(
-        self, gradient: FloatArray, tolerance: float, max_iterations: int
+        self,
+        gradient: FloatArray,
+        tolerance: float,
+        max_iterations: int,
+        *,
+        solver: str = "pcg",
+        history: bool = False,
     ) -> tuple[FloatArray, SolveReport]:
-        """x of H x = gradient for the assembled Hessian, and how the solver ended."""
+        """x of H x = gradient for the assembled Hessian by "pcg", "direct" or "auto", and how the solver ended."""
         parts = [self.static_matrix, self.dynamic_matrix]
-        return self._solver.solve(parts, gradient, tolerance=tolerance, max_iterations=max_iterations)
+        return self._solver.solve(parts, gradient, tolerance, max_iterations, solver=solver, with_history=history)
 
     def place_of(self, unknown: int) -> str:
         """Target and instance of one scalar unknown, for messages."""

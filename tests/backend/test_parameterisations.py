@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from yasps import Attribute, ConnectivityError, Scene, SceneError, concat_rows
 from yasps.backend.interpreter import Interpreter
+from yasps.backend.scene_view import SceneView
 from yasps.frontend.compiled_scene import CompiledScene
 
 TOLERANCE = 1e-12
@@ -131,7 +132,9 @@ def check(scene: Scene, projection: str) -> None:
 def test_nonlinear_parameterisations(projection: str, nested: bool) -> None:
     scene = lever_scene(projection, nested)
     check(scene, projection)
-    where = {op.symbol: op.projects.data for op in scene.compile().program.scene.derivatives if op.projects is not None}
+    where = {
+        op.symbol: op.projects.data for op in SceneView(scene.compile().module).derivatives if op.projects is not None
+    }
     if projection != "none":
         assert "whole local Hessian" in where["mesh.springs.energy.derivative"]
 

@@ -10,6 +10,7 @@ import pytest
 
 from yasps import Attribute, Scene
 from yasps.backend.interpreter import Interpreter
+from yasps.backend.scene_view import SceneView
 from yasps.frontend import contact
 
 Energy = Callable[[Attribute], Attribute]
@@ -63,7 +64,7 @@ def test_width(case: str) -> None:
     )
     scene.add_minimize_target(x)
     compiled = scene.compile()
-    (derivative,) = compiled.program.scene.derivatives
+    (derivative,) = SceneView(compiled.module).derivatives
     assert derivative.projects is not None
     assert derivative.projects.data.startswith(f"{width}x{width} of {3 * arity}x{3 * arity}")
 
