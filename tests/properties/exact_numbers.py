@@ -27,6 +27,18 @@ class Exact:
     def __hash__(self) -> int:
         return hash(self.value)
 
+    def __lt__(self, other: Any) -> bool:
+        return self.value < fraction(other)
+
+    def __le__(self, other: Any) -> bool:
+        return self.value <= fraction(other)
+
+    def __gt__(self, other: Any) -> bool:
+        return self.value > fraction(other)
+
+    def __ge__(self, other: Any) -> bool:
+        return self.value >= fraction(other)
+
     def __add__(self, other: Any) -> Exact:
         return Exact(self.value + fraction(other))
 
@@ -64,7 +76,7 @@ def fraction(number: Any) -> Fraction:
 
 @dataclass(frozen=True, slots=True)
 class HyperDual:
-    """value + first e1 + second e2 + both e1 e2, all rational."""
+    """value + first e1 + second e2 + both e1 e2, all rational; ordered by value."""
 
     value: Fraction
     first: Fraction = Fraction(0)
@@ -76,6 +88,16 @@ class HyperDual:
         return HyperDual(
             f, slope * self.first, slope * self.second, slope * self.both + curvature * self.first * self.second
         )
+
+    def __lt__(self, other: HyperDual) -> bool:
+        return self.value < other.value
+
+    def __le__(self, other: HyperDual) -> bool:
+        return self.value <= other.value
+
+    def __abs__(self) -> HyperDual:
+        """Without a slope at 0, as the language says."""
+        return self.of(abs(self.value), Fraction((self.value > 0) - (self.value < 0)), Fraction(0))
 
     def __add__(self, other: HyperDual) -> HyperDual:
         return HyperDual(

@@ -92,3 +92,31 @@ def frozen(a: Matrix) -> Matrix:
     result = a.copy()
     result.ravel()[:] = [HyperDual(e.value) if isinstance(e, HyperDual) else e for e in a.ravel()]
     return result
+
+
+def taken(where: Matrix, a: Any, b: Any) -> Matrix:
+    """a where it holds, b elsewhere."""
+    result: Matrix = np.where(where, a, b)
+    return result
+
+
+def as_truth(like: Matrix, holds: Matrix) -> Matrix:
+    """Ones where it holds and zeros elsewhere, numbers like those given."""
+    unit = like[0, 0] ** 0
+    return taken(holds, unit, unit - unit)
+
+
+def chosen(condition: Matrix, a: Matrix, b: Matrix) -> Matrix:
+    """a where the condition (1x1, or one for each entry) is not 0, else b."""
+    zero = condition - condition
+    return taken((condition < zero) | (zero < condition), a, b)
+
+
+def smaller(a: Matrix, b: Matrix) -> Matrix:
+    """Entry by entry; the first at a tie."""
+    return taken(b < a, b, a)
+
+
+def greater(a: Matrix, b: Matrix) -> Matrix:
+    """Entry by entry; the first at a tie."""
+    return taken(a < b, b, a)

@@ -89,6 +89,62 @@ MUTATIONS = (
         "tests/properties/test_expressions.py",
     ),
     Mutation(
+        "select: its pull-back exchanges the two sides",
+        "dialects/mat/comparison.py",
+        "b.select(condition, cotangent, zero), b.select(condition, zero, cotangent))",
+        "b.select(condition, zero, cotangent), b.select(condition, cotangent, zero))",
+        "tests/properties/test_expressions.py",
+    ),
+    Mutation(
+        "a choice between numbers: the guards of its sides exchanged",
+        "passes/derivatives.py",
+        "guard_first, guard_second = guards.split(",
+        "guard_second, guard_first = guards.split(",
+        "tests/properties/test_expressions.py",
+    ),
+    Mutation(
+        "minimum: the derivative of the greater",
+        "dialects/mat/comparison.py",
+        "return b.less(self.operands[1], self.operands[0])",
+        "return b.less(self.operands[0], self.operands[1])",
+        "tests/properties/test_expressions.py",
+    ),
+    Mutation(
+        "maximum: the derivative of the second at a tie",
+        "dialects/mat/comparison.py",
+        "return b.less(self.operands[0], self.operands[1])",
+        "return b.less_equal(self.operands[0], self.operands[1])",
+        "tests/properties/test_expressions.py",
+    ),
+    Mutation(
+        "abs: slope 1 at 0",
+        "dialects/mat/comparison.py",
+        "b.select(b.less(zero, x), one, zero))",
+        "one)",
+        "tests/properties/test_expressions.py",
+    ),
+    Mutation(
+        "comparisons: <= lowered as <",
+        "dialects/mat/comparison.py",
+        "s.compare(self.predicate.data, a, b)",
+        's.compare("lt", a, b)',
+        "tests/properties/test_expressions.py",
+    ),
+    Mutation(
+        "acos: the sign of its derivative",
+        "dialects/mat/trigonometry.py",
+        "return b.neg(_arcsine_derivative(b, self.operands[0]))",
+        "return _arcsine_derivative(b, self.operands[0])",
+        "tests/properties/test_expressions.py",
+    ),
+    Mutation(
+        "atan2: a sign in the pullback",
+        "dialects/mat/trigonometry.py",
+        "return (b.hadamard(by_y, cotangent), b.neg(b.hadamard(by_x, cotangent)))",
+        "return (b.hadamard(by_y, cotangent), b.hadamard(by_x, cotangent))",
+        "tests/properties/test_expressions.py",
+    ),
+    Mutation(
         "reverse mode: cotangents of several uses not added",
         "passes/derivatives.py",
         "parts.setdefault(op.operands[k], []).append(part)",
@@ -179,7 +235,7 @@ def run(mutation: Mutation, folder: Path) -> tuple[list[str], str]:
         )
     finally:
         path.write_text(text, encoding="utf-8")
-    failed = re.findall(r"^FAILED \S+::(\w+)", done.stdout, re.MULTILINE)
+    failed = list(dict.fromkeys(re.findall(r"^FAILED \S+::(\w+)", done.stdout, re.MULTILINE)))
     if done.returncode < 0:  # kernels that read out of bounds
         failed.append(f"a crash by signal {-done.returncode}")
     return failed, done.stdout.strip().splitlines()[-1] if done.stdout.strip() else done.stderr[-300:]

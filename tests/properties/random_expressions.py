@@ -1,6 +1,7 @@
 """Random expressions: programs of Python lines that build an attribute, and what they mean on numbers of any kind.
 
-Meanings are those of `matrix_meaning`, not the compiler's.
+Floats are drawn away from kinks, by a complex step's accuracy. Rationals may lie on them: comparisons of rationals are
+exact, and the derivatives there are those that the language promises.
 """
 
 from __future__ import annotations
@@ -11,17 +12,22 @@ from fractions import Fraction
 from typing import Any
 
 import numpy as np
+from expression_words import (
+    COMPARISONS,
+    FITTING,
+    ONE_SHAPE,
+    OPERATIONS,
+    SQUARE,
+    WORDS,
+    Numbers,
+    Shape,
+    apart,
+)
 from hypothesis import strategies as st
-from matrix_meaning import Matrix, cofactors, cross, determinant, embedded, frozen, one, product, total
+from matrix_meaning import Matrix, determinant
 from numpy.typing import NDArray
-from xdsl.dialects.builtin import DenseArrayBase, FloatAttr, f64, i64
 
-from yasps import Attribute, Scene, concat_cols, concat_rows
-from yasps.dialects.mat import algebra, calculus, elementwise, structure
-from yasps.frontend.attribute import combine, constant
-
-Shape = tuple[int, int]
-Numbers = tuple[int, ...]
+from yasps import Scene
 
 SHAPES: tuple[Shape, ...] = ((1, 1), (2, 1), (3, 1), (1, 3), (2, 2), (3, 3), (2, 3), (1, 4), (4, 4))
 MOST_UNKNOWNS = 18
@@ -29,99 +35,6 @@ INSTANCES = 2
 """Two points; a denominator that is the same number at both might be folded, with rounding, and is not drawn."""
 LARGEST = {True: 1e9, False: 30.0}
 MOST_BITS = 160
-
-
-# -- names for the lines -----------------------------------------------------------------------------------
-
-
-def embed(a: Attribute, row: int, col: int, rows: int, cols: int) -> Attribute:
-    """The attribute inside a matrix of zeros; no user's word, but what differentiation makes of `block`."""
-    place = DenseArrayBase.from_list(i64, [row, col, rows, cols])
-    return combine(structure.EmbedOp, [a], {"place": place})
-
-
-def cofactor(a: Attribute) -> Attribute:
-    """Matrix of cofactors; what differentiation makes of `det`."""
-    return combine(algebra.CofactorOp, [a])
-
-
-def power(a: Attribute, exponent: float) -> Attribute:
-    """Entry by entry."""
-    return combine(elementwise.PowOp, [a], {"exponent": FloatAttr(float(exponent), f64)})
-
-
-def positive(a: Attribute) -> Attribute:
-    """1.5 + a^2, entry by entry."""
-    return a.hadamard(a) + constant(np.full(a.shape, 1.5))
-
-
-WORDS: dict[str, Any] = {
-    "Scene": Scene,
-    "concat_rows": concat_rows,
-    "concat_cols": concat_cols,
-    "constant": constant,
-    "embed": embed,
-    "cofactor": cofactor,
-    "power": power,
-    "positive": positive,
-}
-
-
-@dataclass(frozen=True)
-class Operation:
-    """How it is written (operands {0}, {1}; numbers {n}) and what it means."""
-
-    text: str
-    meaning: Callable[..., Matrix]
-    ir: str
-    """Name of the `mat` operation it becomes."""
-    rational: bool = True
-
-    def written(self, operands: Sequence[str], numbers: Numbers) -> str:
-        return self.text.format(*operands, n=", ".join(map(str, numbers)))
-
-
-OPERATIONS: dict[str, Operation] = {
-    "add": Operation("{0} + {1}", lambda a, b: a + b, "add"),
-    "sub": Operation("{0} - {1}", lambda a, b: a - b, "sub"),
-    "neg": Operation("-{0}", lambda a: -a, "neg"),
-    "hadamard": Operation("{0}.hadamard({1})", lambda a, b: a * b, "hadamard"),
-    "scale": Operation("{0} * {1}", lambda s, m: m * s[0, 0], "scale"),
-    "divide": Operation("{0} / {1}", lambda m, s: m / s[0, 0], "divide"),
-    "matmul": Operation("{0} @ {1}", product, "matmul"),
-    "gram": Operation("{0}.T @ {0}", lambda a: product(a.T, a), "matmul"),
-    "transpose": Operation("{0}.T", lambda a: a.T, "transpose"),
-    "dot": Operation("{0}.dot({1})", lambda a, b: one(total(list((a * b).ravel()))), "dot"),
-    "cross": Operation("{0}.cross({1})", cross, "cross"),
-    "trace": Operation("{0}.trace()", lambda a: one(total([a[k, k] for k in range(len(a))])), "trace"),
-    "sum": Operation("{0}.sum()", lambda a: one(total(list(a.ravel()))), "sum"),
-    "det": Operation("{0}.det()", lambda a: one(determinant(a)), "det"),
-    "cofactor": Operation("cofactor({0})", cofactors, "cofactor"),
-    "inverse": Operation("{0}.inverse()", lambda a: cofactors(a).T / determinant(a), "inverse"),
-    "reshape": Operation("{0}.reshape({n})", lambda a, r, c: a.reshape(r, c), "reshape"),
-    "block": Operation("{0}.block({n})", lambda a, i, j, r, c: a[i : i + r, j : j + c], "block"),
-    "embed": Operation("embed({0}, {n})", embedded, "embed"),
-    "concat_rows": Operation("concat_rows([{0}, {1}])", lambda a, b: np.concatenate([a, b], 0), "concat_rows"),
-    "concat_cols": Operation("concat_cols([{0}, {1}])", lambda a, b: np.concatenate([a, b], 1), "concat_cols"),
-    "pow": Operation("power({0}, {n})", lambda a, p: a**p, "pow"),
-    "stop_gradient": Operation("{0}.stop_gradient()", frozen, "stop_gradient"),
-    "sqrt": Operation("positive({0}).sqrt()", lambda a: (1.5 + a * a) ** 0.5, "sqrt", False),
-    "log": Operation("positive({0}).log()", lambda a: np.log(1.5 + a * a), "log", False),
-    "exp": Operation("(0.5 * {0}).exp()", lambda a: np.exp(0.5 * a), "exp", False),
-    "sin": Operation("{0}.sin()", np.sin, "sin", False),
-    "cos": Operation("{0}.cos()", np.cos, "cos", False),
-    "norm": Operation("{0}.norm()", lambda a: one(np.sqrt((a * a).sum())), "norm", False),
-    "root": Operation("power(positive({0}), -1.5)", lambda a: (1.5 + a * a) ** -1.5, "pow", False),
-}
-FITTING: dict[str, tuple[Shape, ...]] = {
-    "cross": ((3, 1), (3, 1)),
-    "divide": ((1, 1), (2, 1)),
-    "matmul": ((2, 3), (3, 1)),
-    **dict.fromkeys(("det", "cofactor", "inverse"), ((3, 3),)),
-}
-"""Inputs that an expression which begins with this operation surely has."""
-_ONE_SHAPE = ("add", "sub", "hadamard", "dot")
-_SQUARE = ("trace", "det", "cofactor", "inverse")
 
 
 # -- programs ----------------------------------------------------------------------------------------------
@@ -145,6 +58,10 @@ class Step:
                 found[i, j] = number(self.entries[i][j])
             return found
         return OPERATIONS[self.word].meaning(*(values[k] for k in self.operands), *self.numbers)
+
+    def is_smooth(self, values: Sequence[Matrix]) -> bool:
+        """Has it derivatives at these values?"""
+        return self.word == "constant" or OPERATIONS[self.word].is_smooth(*(values[k] for k in self.operands))
 
 
 @dataclass(frozen=True)
@@ -208,14 +125,14 @@ def _bits(entry: Any) -> int:
 class _Drawing:
     """An expression in the making, and its values at its points: rationals or floats."""
 
-    def __init__(self, draw: st.DrawFn, rational: bool) -> None:
+    def __init__(self, draw: st.DrawFn, rational: bool, first: str) -> None:
         self.draw = draw
         self.rational = rational
         shapes: list[Shape] = []
-        self.words = [word for word, operation in OPERATIONS.items() if operation.rational or not rational]
-        if not rational:
-            self.words.remove("stop_gradient")  # complex steps see through it
-        self.first = draw(st.sampled_from(self.words))
+        words = [word for word in drawn_words(rational) if word not in COMPARISONS[1:]]
+        k = words.index(COMPARISONS[0] if first in COMPARISONS else first)
+        self.words = [*words[k:], "constant", *words[:k]]  # equal draws become other programs for another first word
+        self.first = first
         fitting = FITTING.get(self.first, ())
         for shape in [*fitting, *draw(st.lists(st.sampled_from(SHAPES), min_size=not fitting, max_size=3))]:
             if sum(r * c for r, c in [*shapes, shape]) <= MOST_UNKNOWNS:
@@ -233,6 +150,8 @@ class _Drawing:
             self.values.append(point)
         self.steps: list[Step] = []
         self.used: set[int] = set()
+        self.truths: set[int] = set()
+        """Values whose entries are 0 or not for sure."""
 
     @property
     def count(self) -> int:
@@ -244,14 +163,30 @@ class _Drawing:
 
     def pick(self, allowed: Callable[[Shape], bool] = lambda shape: True) -> int | None:
         """One of the values whose shape is allowed, of the newest most likely when shrunk."""
-        candidates = [k for k in reversed(range(self.count)) if allowed(self.shape(k))]
+        return self.one_of([k for k in reversed(range(self.count)) if allowed(self.shape(k))])
+
+    def one_of(self, candidates: Sequence[int]) -> int | None:
         return self.draw(st.sampled_from(candidates)) if candidates else None
+
+    def partner(self, k: int) -> int | None:
+        """A value of the same shape; itself last, with which it ties."""
+        equal = [j for j in reversed(range(self.count)) if self.shape(j) == self.shape(k)]
+        return self.one_of(sorted(equal, key=lambda j: j == k))
+
+    def condition(self, shape: Shape) -> int | None:
+        """For a choice of this shape: truth values most likely; else a number that rounding can't make 0 or not 0."""
+        fitting = [k for k in reversed(range(self.count)) if self.shape(k) in ((1, 1), shape)]
+        truths = [k for k in fitting if k in self.truths]
+        others = [k for k in fitting if self.rational or all(apart(values[k], 0.0) for values in self.values)]
+        return self.one_of([*truths * 3, *others])
 
     def append(self, step: Step, tame: bool = True) -> bool:
         """Adds the line if its values are tame at both points, or need not be."""
         made = []
         for values in self.values:
             try:
+                if not self.rational and not step.is_smooth(values):
+                    return False
                 result = step.evaluate(values, self.number)
             except ZeroDivisionError:
                 return False
@@ -263,6 +198,8 @@ class _Drawing:
             values.append(result)
         self.steps.append(step)
         self.used.update(step.operands)
+        if step.word in (*COMPARISONS, "constant"):
+            self.truths.add(self.count - 1)
         return True
 
     def is_denominator(self, k: int, whole: Callable[[Matrix], Any]) -> bool:
@@ -272,7 +209,11 @@ class _Drawing:
 
     def step(self) -> None:
         """One random line, or none if the drawn operation does not fit what there is."""
-        word = self.draw(st.sampled_from(["constant", *self.words])) if self.steps else self.first
+        word = self.first
+        if self.steps:
+            word = self.draw(st.sampled_from(self.words))
+            if word == COMPARISONS[0]:  # which one is drawn now, lest there be four times as many as of others
+                word = self.draw(st.sampled_from(COMPARISONS))
         if word == "constant":
             rows, cols = self.draw(st.sampled_from(SHAPES[:-1]))
             entry = st.sampled_from((1.0, 2.0, -1.0, 0.5, 0.0))
@@ -296,17 +237,31 @@ class _Drawing:
             if word == "scale":
                 return (number, matrix), ()
             return ((matrix, number), ()) if self.is_denominator(number, lambda m: m[0, 0]) else None
-        if word in _SQUARE:
+        if word in SQUARE:
             first = self.pick(lambda s: s[0] == s[1])
             if first is None or (word == "inverse" and not self.is_denominator(first, determinant)):
                 return None
             return (first,), ()
-        first = self.pick((lambda s: sorted(s) == [1, 3]) if word == "cross" else lambda s: True)
+        allowed = {"cross": lambda s: sorted(s) == [1, 3], "shielded": lambda s: s == (1, 1)}
+        first = self.pick(allowed.get(word, lambda s: True))
         if first is None:
             return None
         rows, cols = self.shape(first)
-        if word in (*_ONE_SHAPE, "cross"):
-            second = self.pick(lambda s: s == (rows, cols))
+        if word in ("select", "choose"):
+            other = self.pick(lambda s: s == (rows, cols))
+            condition = (
+                self.condition((rows, cols)) if word == "select" else self.pick(lambda s: s in ((1, 1), (rows, cols)))
+            )
+            assert other is not None
+            if condition is None:
+                return None
+            if word == "select":
+                return (condition, first, other), ()
+            bound = self.partner(condition)
+            assert bound is not None
+            return (condition, bound, first, other), ()
+        if word in (*ONE_SHAPE, "cross"):
+            second = self.partner(first)
         elif word == "matmul":
             second = self.pick(lambda s: s[0] == cols and rows * s[1] <= 16)
         elif word == "concat_rows":
@@ -353,19 +308,21 @@ class _Drawing:
         return Expression(self.expression.inputs, tuple(self.steps), self.expression.seed)
 
 
-def expressions(rational: bool) -> st.SearchStrategy[Expression]:
-    """Programs of up to 8 operations; rational ones can be computed without rounding."""
+def drawn_words(rational: bool) -> list[str]:
+    """Operations of rational programs, or of smooth ones."""
+    if rational:
+        return [word for word, operation in OPERATIONS.items() if operation.rational]
+    return [word for word in OPERATIONS if word != "stop_gradient"]  # complex steps see through it
+
+
+def expressions(rational: bool, first: str) -> st.SearchStrategy[Expression]:
+    """Programs of up to 8 operations that begin with this one; rational ones can be computed without rounding."""
 
     @st.composite
     def strategy(draw: st.DrawFn) -> Expression:
-        drawing = _Drawing(draw, rational)
+        drawing = _Drawing(draw, rational, first)
         for _ in range(draw(st.integers(1, 8))):
             drawing.step()
         return drawing.finished()
 
     return strategy()
-
-
-IR_WORDS = {operation.ir for operation in OPERATIONS.values()} | {"constant"}
-"""`mat` operations these programs reach; `identity` comes in with derivatives, `calculus` holds the compiler's own."""
-ALL_WORDS = {op.word() for op in (*elementwise.OPS, *algebra.OPS, *structure.OPS, *calculus.OPS)}

@@ -11,12 +11,13 @@ from dataclasses import dataclass
 from typing import Any
 
 from hypothesis import strategies as st
+from scene_formulas import energies, kinked_mixtures, kinked_points
 
 from yasps import Scene
 
 PREAMBLE = """\
 import numpy as np
-from yasps import Scene, concat_rows, concat_cols
+from yasps import Scene, atan2, concat_cols, concat_rows, maximum, minimum, select
 rng = np.random.default_rng({seed})
 def numbers(*shape):
     return rng.uniform(-1.0, 1.0, shape).round(3)
@@ -61,7 +62,8 @@ class SceneProgram:
 class _Writer:
     def __init__(self, draw: st.DrawFn) -> None:
         self.draw = draw
-        self.lines = [PREAMBLE.format(seed=draw(st.integers(0, 99)))]
+        self.seed: int = draw(st.integers(0, 999))
+        self.lines = [PREAMBLE.format(seed=self.seed)]
         self.dimension: int = draw(st.sampled_from((2, 1, 3)))
         self.layers: list[Layer] = []
         self.frames: list[Layer] = []
@@ -73,7 +75,7 @@ class _Writer:
         self.meshes: list[str] = []
         self.factor: str | None = None
         self.made = 0
-        self.energies = 0
+        self.energy_count = 0
         self.projections: tuple[str, ...] = draw(
             st.sampled_from((("none",), ("clamp", "abs"), ("none", "clamp", "abs")))
         )
@@ -86,6 +88,11 @@ class _Writer:
     def choice(self, *options: Any) -> Any:
         """One of these; the first when shrunk."""
         return self.draw(st.sampled_from(options))
+
+    def formula(self, options: Sequence[str]) -> str:
+        """One of these; others for another seed, because the later of many options are rarely sampled."""
+        turn = self.seed % len(options)
+        return str(self.choice(*options[turn:], *options[:turn]))
 
     def fresh(self, prefix: str) -> str:
         self.made += 1
@@ -154,7 +161,7 @@ class _Writer:
         """Points that follow from parameters of their own, of the mesh, of the scene."""
         d, count = self.dimension, self.choice(2, 1, 3)
         name, mesh = self.primitive("p", count)
-        kind = self.choice("matrix", "angle", "square", "product")
+        kind = self.choice("matrix", "angle", "square", "product", "kinked", "kinked")
         if kind == "matrix":
             q = self.variable(name, "q", d, self.choice(1, 2), count)
             self.write(f'{name}.add_constant("r", {d}, {d}, value=numbers({count}, {d}, {d}))')
@@ -166,6 +173,8 @@ class _Writer:
         elif kind == "square":
             q = self.variable(name, "q", d, 1, count)
             value = f"({q}.hadamard({q}) + 0.5 * {q})"
+        elif kind == "kinked":
+            value = self.formula(kinked_points(self.variable(name, "q", d, 1, count), d))
         else:
             q, r = self.variable(name, "q", d, 1, count), self.variable(name, "r", 1, 1, count)
             value = f"({r} * {q})"
@@ -208,7 +217,7 @@ class _Writer:
         name, mesh = self.primitive("e", count)
         p = self.joined(name, layer, count, arity)
         first, last = f"{p}.row(0).T", f"{p}.row(-1).T"
-        kind = self.choice("mean", "weights", "variable weights", "product", "wave", "cubic")
+        kind = self.choice("mean", "weights", "variable weights", "product", "wave", "cubic", "kinked", "kinked")
         if kind == "mean":
             value = f"0.75 * {first} - 0.5 * {last}"
         elif kind == "weights":
@@ -220,6 +229,8 @@ class _Writer:
             value = f"0.5 * {first} + 0.5 * {first}.hadamard({last})"
         elif kind == "wave":
             value = f"{first}.sin() + {last}"
+        elif kind == "kinked":
+            value = self.formula(kinked_mixtures(first, last, self.dimension))
         else:
             value = f"{first} * {last}.dot({first})"
         self.write(f'{name}.add_attribute("x", computed_attribute={value}{self.around(mesh)})')
@@ -238,7 +249,7 @@ class _Writer:
         self.write(f'{j}c = {name}.add_connectivity("{j}c", {layer.name}, {flat}, counts={lengths})')
         through = f'through={j}c, source={layer.name}["x"], operation="{operation}"'
         self.write(f'{j} = {name}.add_attribute("{j}", {through})')
-        value = self.choice(j, f"0.5 * {j} - {j}.hadamard({j})")
+        value = self.choice(j, f"0.5 * {j} - {j}.hadamard({j})", kinked_points(j, self.dimension)[0])
         self.write(f'{name}.add_attribute("x", computed_attribute={value}{self.around(mesh)})')
         self.layers.append(Layer(name, count, mesh))
 
@@ -262,17 +273,7 @@ class _Writer:
 
     def energy_of(self, y: str, z: str, mesh: str | None) -> str:
         """A number from two column vectors of d entries, and parameters of the mesh or scene."""
-        value: str = self.choice(
-            f"(({y} - {z}).dot({y} - {z}) - 0.5) ** 2",
-            f"{y}.dot({z})",
-            f"9.8 * {y}[0] - {z}.sum()",
-            f"(1.0 + {y}.dot({y})).log() * 2.0 + {z}[-1]",
-            f"({y}.dot({z}) + 0.3 * {y}[0]).sin()",
-            f"(0.5 * {y}.sum() - {z}.dot({z})).exp()",
-            f"(0.25 + ({y} - 2.0 * {z}).dot({y} - 2.0 * {z})).sqrt() - {y}.dot({y})",
-            f"({y} * {z}.T).trace() * {y}[0] + ({y} * {y}.T + 0.5 * {z} * {z}.T)[0, -1]",
-            f"{z}[0]",
-        )
+        value = self.formula(energies(y, z, self.dimension))
         if self.factor and self.choice(False, True):
             value = f"{self.factor} * ({value})"
         if mesh in self.shifts and self.choice(False, True):
@@ -281,8 +282,8 @@ class _Writer:
 
     def add_energy(self, owner: str, value: str, dynamic: bool = False) -> None:
         projection = self.choice(*self.projections)
-        self.energies += 1
-        name = f"E{self.energies}"
+        self.energy_count += 1
+        name = f"E{self.energy_count}"
         self.write(f'{name} = {owner}.add_attribute("{name}", computed_attribute={value})')
         extra = ", dynamic_instances=True" if dynamic else ""
         self.write(f's.add_energy({name}, projection="{projection}"{extra})')

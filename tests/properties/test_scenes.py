@@ -10,7 +10,7 @@ from scene_checks import check_kernels, check_passes
 from yasps.runtime.library import Runtime
 
 
-@examples(ci=120, nightly=2000)
+@examples(ci=100, nightly=2000)
 @given(program=scenes())
 def test_passes(program: SceneProgram) -> None:
     check_passes(program.build())
