@@ -1,9 +1,7 @@
 """The kernel of an energy's derivatives: gather, derive, project, pull back, scatter, 8 instances at a time.
 
-Local blocks go to the global matrix as they are made. A slot that is a target itself is written directly; any other
-is expanded by its source's `pull`, applied from the left to the block and, transposed, from the right: for two slots s
-and t, J_s^T H_st J_t costs one call for each side, whatever parameterises them, so code grows linearly with their
-number.
+Local blocks go to the global matrix as they are made. A slot that is a target itself is written directly (cpp_scatter);
+any other is expanded by its source's `pull` first (cpp_expand).
 """
 
 from __future__ import annotations
@@ -73,7 +71,7 @@ def _derive(
     text: _ObjectText, derive: ApplyOp, n: int, entries: int, declarations: list[str], *, is_projected: bool = False
 ) -> list[str]:
     """Gradient and packed Hessian of one pack, and a return if they are not finite."""
-    outputs = ["gradient", "middle"] if entries else ["gradient"]
+    outputs = ["gradient", "middle", "deformation"][: len(derive.values)]
     lines = [f"V gradient[{n}];", *declarations, text.call(derive, text.names(), outputs, "V")]
     lines.append(f"V check = sum_of_zeros(gradient, {n});")
     if entries and not is_projected:  # projection looks at what it gets
@@ -100,6 +98,7 @@ def _in_batches(
     bytes_of_pack = 64 * (entries + sum(sizes[name] for name in kept))
     packs = max(1, min(MOST_PACKS, LARGEST_STACK // bytes_of_pack))
     width = project.width.value.data
+    isotropic = project.deformation is not None
     scatter = [f"prefetch_blocks(sink, first, {capacity * (capacity + 1) // 2}, lanes);"]
     packed = "middle"
     if isinstance(pull_back, ApplyOp):
@@ -109,10 +108,14 @@ def _in_batches(
     own = [f"V {name}[{size}];" for name, size in sizes.items() if name not in kept]
     shared = [f"V* const {name} = {name}_of[pack];" for name in sorted(kept)]
     middle = ["V* const middle = middle_of[pack];"]
+    deformation = ["V* const deformation = deformation_of[pack];"] if isotropic else []
     lanes = "const long lanes = stop - first < 8 ? stop - first : 8;"
+    entry = "project_isotropic((double*)middle_of, (const double*)deformation_of"
+    entry = entry if isotropic else "project((double*)middle_of"
     each_pack = "for (long first = start, pack = 0; first < stop; first += 8, ++pack) {"
     return [
         f"V middle_of[{packs}][{entries}];",
+        *([f"V deformation_of[{packs}][{width}];"] if isotropic else []),
         *(f"V {name}_of[{packs}][{sizes[name]}];" for name in sorted(kept)),
         f"for (long start = begin; start < end; start += {8 * packs}) {{",
         f"    const long stop = end - start < {8 * packs} ? end : start + {8 * packs};",
@@ -124,14 +127,14 @@ def _in_batches(
                     *own,
                     *shared,
                     *text.gather_pack(),
-                    *_derive(text, derive, n, entries, middle, is_projected=True),
+                    *_derive(text, derive, n, entries, [*middle, *deformation], is_projected=True),
                 ]
             )
         ),
         *indented(indented(scatter_gradient(text, slots, capacity))),
         "    }",
         "    if (!sink->blocks) continue;",
-        f"    const long changed = sink->project((double*)middle_of, {width}, (int)(stop - start), sink->mode);",
+        f"    const long changed = sink->{entry}, {width}, (int)(stop - start), sink->mode);",
         "    if (changed < 0) return start - changed - 1;",
         "    *sink->projected += changed;",
         f"    {each_pack}",

@@ -7,8 +7,8 @@ scenes, are one object file, and a cached object is found again under any name.
 Entry points of an object X:
 - `X_value(a, i, out)`: the attribute on instance i;
 - `X_batch(a, begin, end, out)`: the attribute on instances [begin, end);
-- `X_pull(a, i, b, n, out)`: rows of J^T b for an attribute with Jacobian J on instance i and a p x n matrix b, expanded
-  down to the targets; returns how many rows there are;
+- `X_pull(a, i, b, n, out)`: rows of J^T b for an attribute with Jacobian J on instance i and a matrix b of p rows and n
+  packs of 8 columns, expanded down to the targets; returns how many rows there are;
 - `X_second(a, i, v, out)`: packed Hessian of <v, h> of a nonlinear attribute h with respect to its boundary inputs;
 - `X_curve(a, i, v, out, n)`: the same expanded down to the targets, with the curvature of all that is behind, added to
   the n x n matrix `out`;
@@ -150,7 +150,7 @@ class _ObjectText:
         function = f"{code.symbol}_{entry}"
         parameters = {
             "value": f"{_c_type(self.scene.type_of(definition))}*" if entry == "value" else "",
-            "pull": "const double*, long, double*",
+            "pull": "const V*, long, V*",
             "second": "const double*, double*",
             "curve": "const double*, double*, long",
         }[entry]
@@ -230,6 +230,14 @@ class _ObjectText:
         lines = self.declare(scalar)
         for k, op in enumerate(self.reads()):
             lines += self.read(op, f"r{k}", scalar)
+        return lines
+
+    def splat_gathered(self) -> list[str]:
+        """Packs of what `gather_scalar` gathered, the same in all lanes."""
+        lines = []
+        for k, size in enumerate(self.read_sizes()):
+            lines.append(f"V r{k}_pack[{size}];")
+            lines.append(f"for (long e = 0; e < {size}; ++e) r{k}_pack[e] = splat(r{k}[e]);")
         return lines
 
     def gather_pack(self) -> list[str]:
@@ -335,7 +343,7 @@ class _ObjectText:
         if self.scene.is_union(attribute.symbol) and self.scene.reaches_target(attribute.symbol):
             self.entry(
                 "pull",
-                f"long {SELF}_pull(Arguments a, long i, const double* b, long n, double* out)",
+                f"long {SELF}_pull(Arguments a, long i, const V* b, long n, V* out)",
                 self.union_pull(attribute),
             )
 
@@ -412,11 +420,11 @@ class _ObjectText:
         """As pull_source for what a slot reads: of a sum every term gets b, of a mean its share."""
         if slot.reduction is None:
             return self.pull_source(slot.source, self.slot_index(slot), b, n, out)
-        given = (
-            f"const double* const from = {b}; double* const into = {out}; const long across = {n}; long reached = 0;"
+        given = f"const V* const from = {b}; V* const into = {out}; const long beside = {n}; long reached = 0;"
+        pull = self.pull_source(slot.source, "j", "from", "beside", "into + reached * beside")
+        share = (
+            "for (long e = 0; e < reached * beside; ++e) into[e] /= (double)count;" if slot.reduction == "mean" else ""
         )
-        pull = self.pull_source(slot.source, "j", "from", "across", "into + reached * across")
-        share = "for (long e = 0; e < reached * across; ++e) into[e] /= count;" if slot.reduction == "mean" else ""
         return f"({{ {given} {self.over_connected(slot, f'reached += {pull};')} {share} reached; }})"
 
     def curve_slot(self, slot: Slot, v: str, out: str, n: str) -> str:
@@ -428,7 +436,7 @@ class _ObjectText:
         if slot.reduction == "mean":
             terms += f" {{ {self.over_connected(slot, '')} terms = count; }}"
         terms += f" for (long e = 0; e < {slot.size}; ++e) share[e] = whole[e] / terms;"
-        rows = self.pull_source(slot.source, "j", "(const double*)0", "0", "(double*)0")
+        rows = self.pull_source(slot.source, "j", "(const V*)0", "0", "(V*)0")
         curve = self.curve_source(slot.source, "j", "share", "into + reached * (across + 1)", "across")
         return f"({{ {given} {terms} {self.over_connected(slot, f'{curve}; reached += {rows};')} reached; }})"
 
@@ -468,14 +476,15 @@ class _ObjectText:
         lines = self.gather_scalar("double")
         to = "out"
         if not direct:
-            lines.append(f"double* const w = (double*)__builtin_alloca(sizeof(double) * {q} * n);")
+            lines.append(f"V* const w = (V*)__builtin_alloca_with_align(sizeof(V) * {q} * n, 512);")
             to = "w"
-        names = {**self.names(), cotangent: "v"}
+        lines += self.splat_gathered()
+        names = {value: f"{name}_pack" for value, name in self.names().items()} | {cotangent: "v"}
         lines += [
-            f"double v[{p}], x[{q}];",
+            f"V v[{p}], x[{q}];",
             "for (long c = 0; c < n; ++c) {",
             f"    for (long k = 0; k < {p}; ++k) v[k] = b[k * n + c];",
-            f"    {self.call(call, names, ['x'], 'double')}",
+            f"    {self.call(call, names, ['x'], 'V')}",
             f"    for (long k = 0; k < {q}; ++k) {to}[k * n + c] = x[k];",
             "}",
         ]
@@ -489,7 +498,7 @@ class _ObjectText:
                 lines.append(f"rows += {pull};")
                 start += slot.size
             lines.append("return rows;")
-        self.entry("pull", f"long {SELF}_pull(Arguments a, long i, const double* b, long n, double* out)", lines)
+        self.entry("pull", f"long {SELF}_pull(Arguments a, long i, const V* b, long n, V* out)", lines)
         name = name_of(jacobian.attribute)
         if self.scene.is_curved(name):
             second = None
@@ -521,7 +530,7 @@ class _ObjectText:
         )
 
 
-COPY_ROWS = """static inline long copy_rows(long rows, const double* b, long n, double* out) {
+COPY_ROWS = """static inline long copy_rows(long rows, const V* b, long n, V* out) {
     for (long k = 0; k < rows * n; ++k) out[k] = b[k];
     return rows;
 }

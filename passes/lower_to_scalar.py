@@ -250,13 +250,15 @@ def _lower_derivative(container: Container, derivative: DerivativeOp) -> None:
     symmetric = terminator.hessian if projection is None else projection.operands[0]
     if symmetric is not None:
         outputs.append(derive.upper(symmetric))
+    if projection is not None and len(projection.operands) == 2:
+        outputs.append(derive.entries(projection.operands[1]))
     results = _call(container, b, f"{name}.derive", stage=derive, values=values, outputs=outputs)
     hessian = results[1] if symmetric is not None else None
     if projection is not None:
         assert hessian is not None
         assert terminator.hessian is not None
         width = shape_of(projection.result)[0]
-        project = ProjectOp(hessian, width, projection.mode.data)
+        project = ProjectOp(hessian, width, projection.mode.data, results[2] if len(results) == 3 else None)
         b.append(project)
         hessian = project.result
         if terminator.hessian is not projection.result:

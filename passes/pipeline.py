@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import gc
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from pathlib import Path
 
 from xdsl.context import Context
@@ -27,6 +27,7 @@ from yasps.passes.ir_text import text_of
 from yasps.passes.lower_to_scalar import LowerToScalar
 from yasps.passes.outline_modules import OutlineModules
 from yasps.passes.project_psd import ProjectPsd
+from yasps.passes.prove_isotropy import ProveIsotropy
 
 PIPELINE: tuple[ModulePass, ...] = (
     CanonicalizePass(),
@@ -34,10 +35,13 @@ PIPELINE: tuple[ModulePass, ...] = (
     CommonSubexpressionElimination(),
     Differentiate(),
     ProjectPsd(),
+    ProveIsotropy(),
     InferIndices(),
     LowerToScalar(),
     OutlineModules(),
 )
+OPTIONAL = frozenset({ProveIsotropy.name})
+"""Passes that change how fast the result is, but not what it is."""
 
 
 def make_context() -> Context:
@@ -54,15 +58,20 @@ def run_pipeline(
     after: Callable[[str, ModuleOp], None] | None = None,
     *,
     locations: bool = False,
+    without: Collection[str] = (),
 ) -> ModuleOp:
     """Runs every pass on the module, in place, and verifies after each.
 
     dump_to: folder for `00-frontend.mlir`, `01-canonicalize.mlir`, ..., where `locations` says whether each attribute
-    tells the line of Python that made it; after: called with each stage's name and module.
+    tells the line of Python that made it; after: called with each stage's name and module; without: names of OPTIONAL
+    passes to leave out.
 
-    Raises CompileError that names the pass, the attribute and that line; the dump of a stage that does not verify is
-    there to read.
+    Raises CompileError that names the pass, the attribute and that line, the dump of a stage that does not verify is
+    there to read; ValueError for a pass that can't be left out.
     """
+    if not OPTIONAL.issuperset(without):
+        raise ValueError(f"only {', '.join(sorted(OPTIONAL))} can be left out, not {', '.join(sorted(without))}")
+    passes = tuple(p for p in PIPELINE if p.name not in without)
     stage = 0
 
     def dump(previous: ModulePass | None, current: ModuleOp, following: ModulePass | None) -> None:
@@ -81,7 +90,7 @@ def run_pipeline(
     relaxed = (100_000, 50, 50)  # many small long-lived objects: default collections double the time
     gc.set_threshold(*relaxed)
     try:
-        run_passes(PassPipeline(PIPELINE, dump), make_context(), module)
+        run_passes(PassPipeline(passes, dump), make_context(), module)
     finally:
         if thresholds != relaxed:  # else another thread is compiling too and puts the old ones back
             gc.set_threshold(*thresholds)

@@ -15,6 +15,8 @@ from yasps.dialects.mat.base import Batch, MatOp, Shape, ShapeError, is_identity
 from yasps.dialects.scalar_graph import Node, ScalarGraph
 
 PROJECTION_MODES = ("clamp", "abs")
+ISOTROPIC_WIDTHS = (9, 6)
+"""Of Hessians with respect to a 3x3 or 3x2 matrix, which can be projected by its singular values."""
 
 
 @irdl_op_definition
@@ -113,11 +115,11 @@ def _adds_up_to_zero(s: ScalarGraph, nodes: Sequence[Node]) -> bool:
 class ProjectPsdOp(MatOp):
     """A symmetric matrix made positive semi-definite: negative eigenvalues to 0 ("clamp") or to |.| ("abs").
 
-    Solved at run time by the projection kernel; paper, section 5.4.
+    Solved at run time by the projection kernel; paper, section 5.4. A second operand f does not change what the result
+    is: it says that the matrix is the Hessian of an energy isotropic in f, by f's entries, row by row (3x3 or 3x2).
     """
 
     name = "mat.project_psd"
-    ARITY: ClassVar = 1
     DIFFERENTIABLE: ClassVar = False
     mode = prop_def(StringAttr)
 
@@ -126,7 +128,15 @@ class ProjectPsdOp(MatOp):
         mode = cast(StringAttr, properties["mode"]).data
         if mode not in PROJECTION_MODES:
             raise ShapeError(f"mode must be one of {', '.join(PROJECTION_MODES)}, got {mode!r}")
-        return square("a projection", shapes[0])
+        if len(shapes) not in (1, 2):
+            raise ShapeError(f"a projection takes a matrix, and what it is isotropic in, got {len(shapes)} operands")
+        size, _ = square("a projection", shapes[0])
+        if len(shapes) == 2 and (size not in ISOTROPIC_WIDTHS or shapes[1][0] * shapes[1][1] != size):
+            raise ShapeError(
+                f"a 9x9 matrix can be isotropic in 9 entries and a 6x6 in 6, got {spell(shapes[0])} and "
+                f"{spell(shapes[1])}"
+            )
+        return size, size
 
     def fold(self) -> None:
         """Never: whether to project is chosen again at run time (see `CompiledScene.assemble`)."""

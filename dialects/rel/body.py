@@ -25,7 +25,7 @@ from xdsl.traits import IsTerminator, Pure
 from xdsl.utils.exceptions import VerifyException
 
 from yasps.dialects.mat import Matrix, matrix_type, shape_of, spell
-from yasps.dialects.mat.calculus import PROJECTION_MODES
+from yasps.dialects.mat.calculus import ISOTROPIC_WIDTHS, PROJECTION_MODES
 from yasps.dialects.rel.declarations import symbol
 
 JOIN_OPERATIONS = ("sum", "mean")
@@ -144,20 +144,28 @@ class ApplyOp(IRDLOperation):
 
 @irdl_op_definition
 class ProjectOp(IRDLOperation):
-    """The projection kernel on the packed upper triangle (row-major) of a `width` x `width` symmetric matrix."""
+    """The projection kernel on the packed upper triangle (row-major) of a `width` x `width` symmetric matrix.
+
+    `isotropic in` f: the matrix is the Hessian of an energy isotropic in f, by f's entries (row-major, 3x3 or 3x2). The
+    result is the same, but may be found by the singular values of f.
+    """
 
     name = "rel.project"
     packed = operand_def()
+    deformation = opt_operand_def()
     result = result_def()
     width = prop_def(IntegerAttr)
     mode = prop_def(StringAttr)
     traits = traits_def(Pure())
     irdl_options = (ParsePropInAttrDict(),)
-    assembly_format = "$packed `width` $width `mode` $mode attr-dict `:` type($packed) `->` type($result)"
+    assembly_format = (
+        "$packed `width` $width `mode` $mode (`isotropic` `in` $deformation^ `:` type($deformation))? attr-dict "
+        "`:` type($packed) `->` type($result)"
+    )
 
-    def __init__(self, packed: SSAValue, width: int, mode: str) -> None:
+    def __init__(self, packed: SSAValue, width: int, mode: str, deformation: SSAValue | None = None) -> None:
         super().__init__(
-            operands=[packed],
+            operands=[packed, deformation],
             properties={"width": IntegerAttr(width, i64), "mode": StringAttr(mode)},
             result_types=[packed.type],
         )
@@ -166,6 +174,12 @@ class ProjectOp(IRDLOperation):
         width = self.width.value.data
         if shape_of(self.packed) != (packed_size(width), 1):
             raise VerifyException(f"the upper triangle of a {width}x{width} matrix has {packed_size(width)} entries")
+        if self.deformation is not None:
+            rows, cols = shape_of(self.deformation)
+            if width not in ISOTROPIC_WIDTHS or rows * cols != width:
+                raise VerifyException(
+                    f"a 9x9 matrix can be isotropic in 9 entries and a 6x6 in 6, got {width}x{width} and {rows}x{cols}"
+                )
         if self.mode.data not in PROJECTION_MODES:
             raise VerifyException(f"mode must be one of {', '.join(PROJECTION_MODES)}, got {self.mode.data!r}")
 

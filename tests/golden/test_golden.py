@@ -18,6 +18,7 @@ from xdsl.parser import Parser
 
 from yasps import Scene, concat_rows
 from yasps.backend.cpp_curvature import DENSE_PRELUDE
+from yasps.backend.cpp_expand import EXPAND_PRELUDE
 from yasps.backend.cpp_object import PRELUDE, ObjectEmitter
 from yasps.backend.cpp_scatter import SCATTER_PRELUDE
 from yasps.backend.scene_view import SceneView
@@ -117,6 +118,7 @@ def made_of(scene: Scene) -> dict[str, str]:
         for prelude, what in (
             (PRELUDE, "kernel_prelude.h"),
             (DENSE_PRELUDE, "dense_prelude.h"),
+            (EXPAND_PRELUDE, "expand_prelude.h"),
             (SCATTER_PRELUDE, "scatter_prelude.h"),
         ):
             text = text.replace(prelude, f"// backend/{what} stands here\n")

@@ -133,7 +133,7 @@ def test_dump_ir_of_a_scene_takes_the_option(tmp_path: Path) -> None:
     scene = scene_of(lambda x: x.dot(x))
     scene.dump_ir(tmp_path / "a")
     scene.dump_ir(tmp_path / "b", locations=True)
-    for stage in ("00-frontend.mlir", "08-outline-modules.mlir"):
+    for stage in ("00-frontend.mlir", "09-outline-modules.mlir"):
         assert __file__ not in (tmp_path / "a" / stage).read_text(encoding="utf-8")
         assert __file__ in (tmp_path / "b" / stage).read_text(encoding="utf-8")
 

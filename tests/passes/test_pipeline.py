@@ -17,7 +17,7 @@ from xdsl.parser import Parser
 
 from yasps.passes.pipeline import PIPELINE, make_context, run_pipeline
 
-DERIVED = ("differentiate", "project-psd", "infer-indices", "lower-to-scalar", "outline-modules")
+DERIVED = ("differentiate", "project-psd", "prove-isotropy", "infer-indices", "lower-to-scalar", "outline-modules")
 PROJECTED = DERIVED[1:]
 
 

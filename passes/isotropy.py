@@ -1,0 +1,157 @@
+"""Proof that a number depends on a matrix F only through what rotations leave alone: on its singular values.
+
+Under F -> R F Q with rotations R and Q, every matrix made of F is multiplied by rotations from both sides, or is not
+known to be. So each of the two indices of a matrix lives in a space: the deformed one, which R turns, the undeformed
+one, which Q turns, or one that nothing turns. F maps the undeformed space to the deformed one; F^T F maps the
+undeformed one to itself. A product sums over one space; numbers made of indices that all meet their like do not change.
+What operations do to spaces is an abstract interpretation, one rule for each operation that has one.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from enum import Enum
+from typing import NamedTuple
+
+import numpy as np
+from xdsl.ir import Block, SSAValue
+
+from yasps.dialects.mat import MatOp, algebra, elementwise, shape_of
+from yasps.dialects.mat.base import constant_value
+from yasps.dialects.mat.comparison import SelectOp
+from yasps.dialects.mat.structure import ReshapeOp
+from yasps.passes.dependence import size_of
+
+ISOTROPIC_SHAPES = ((3, 3), (3, 2))
+"""Of an F for which there is a projection by singular values."""
+
+
+class Space(Enum):
+    """Where an index of a matrix lives."""
+
+    FIXED = 0
+    DEFORMED = 1
+    UNDEFORMED = 2
+
+
+class Spaces(NamedTuple):
+    """Of a matrix's rows and columns."""
+
+    rows: Space
+    cols: Space
+
+
+FIXED = Spaces(Space.FIXED, Space.FIXED)
+DEFORMATION = Spaces(Space.DEFORMED, Space.UNDEFORMED)
+
+
+class AnySpace:
+    """Of a multiple of the identity: it maps each space to itself, whichever is meant."""
+
+
+IDENTITY = AnySpace()
+Known = Spaces | AnySpace
+"""None stands for a matrix that rotations change in an unknown way."""
+
+
+def depends_on_invariants(block: Block, energy: SSAValue, deformation: SSAValue, active: Sequence[SSAValue]) -> bool:
+    """Is the 1x1 value `energy` isotropic in the matrix `deformation`, all through which it sees the `active` values?
+
+    deformation: 3x3, 3x2, or a vector that the block reshapes to one of these, row by row. True is proven; False may
+    mean that no rule knows an operation. What is held constant for differentiation counts as constant, and each side
+    of a choice on its own: the proof is about first and second derivatives.
+    """
+    known: dict[SSAValue, Known | None] = dict.fromkeys(active)
+    if shape_of(deformation) in ISOTROPIC_SHAPES:
+        known[deformation] = DEFORMATION
+    for op in block.ops:
+        if not isinstance(op, MatOp):
+            for result in op.results:
+                known.setdefault(result, FIXED)
+        elif op.result not in known:
+            known[op.result] = _spaces_of(op, [known[operand] for operand in op.operands], deformation)
+    return known.get(energy) == FIXED
+
+
+def is_deformation(block: Block, value: SSAValue) -> bool:
+    """Can `depends_on_invariants` be asked about this value: has it the shape, or is it reshaped to one that has?"""
+    sizes = {rows * cols for rows, cols in ISOTROPIC_SHAPES}
+    if shape_of(value) in ISOTROPIC_SHAPES:
+        return True
+    return size_of(value) in sizes and any(_is_reshaped(op, value) for op in block.ops)
+
+
+def _is_reshaped(op: object, deformation: SSAValue) -> bool:
+    return isinstance(op, ReshapeOp) and op.operands[0] is deformation and shape_of(op.result) in ISOTROPIC_SHAPES
+
+
+def _spaces_of(op: MatOp, operands: list[Known | None], deformation: SSAValue) -> Known | None:
+    if op.HELD_CONSTANT:
+        return FIXED
+    if _is_reshaped(op, deformation):
+        return DEFORMATION
+    if not operands:
+        entries = constant_value(op.result)
+        return IDENTITY if entries is not None and _is_multiple_of_identity(entries) else FIXED
+    if isinstance(op, SelectOp) and shape_of(op.operands[0]) == (1, 1):
+        return _both(operands[1], operands[2])  # each side is differentiated as if it were always chosen
+    if any(operand is None for operand in operands):
+        return None
+    rule = RULES.get(type(op))
+    spaces = [operand for operand in operands if operand is not None]
+    found = rule(*spaces) if rule is not None else None
+    if found is None and all(operand in (FIXED, IDENTITY) for operand in spaces):
+        return FIXED
+    return found
+
+
+def _is_multiple_of_identity(entries: np.ndarray) -> bool:
+    rows, cols = entries.shape
+    return rows == cols and rows > 1 and bool(np.all(entries == entries[0, 0] * np.eye(rows)))
+
+
+def _both(a: Known | None, b: Known | None) -> Known | None:
+    """Spaces of two matrices that must live in the same ones."""
+    if isinstance(a, AnySpace):
+        a, b = b, a
+    if isinstance(a, Spaces) and isinstance(b, AnySpace):
+        return a if a.rows is a.cols else None
+    return a if a == b else None
+
+
+def _times(a: Known, b: Known) -> Known | None:
+    if isinstance(a, AnySpace):
+        return b
+    if isinstance(b, AnySpace):
+        return a
+    return Spaces(a.rows, b.cols) if a.cols is b.rows else None
+
+
+def _scaled(factor: Known, matrix: Known) -> Known | None:
+    return matrix if factor == FIXED else None
+
+
+def _turned(a: Known) -> Known:
+    return a if isinstance(a, AnySpace) else Spaces(a.cols, a.rows)
+
+
+def _trace(a: Known) -> Known | None:
+    return FIXED if isinstance(a, AnySpace) or a.rows is a.cols else None
+
+
+RULES: dict[type[MatOp], Callable[..., Known | None]] = {
+    elementwise.AddOp: _both,
+    elementwise.SubOp: _both,
+    elementwise.NegOp: lambda a: a,
+    elementwise.ScaleOp: _scaled,
+    elementwise.DivideOp: lambda matrix, divisor: _scaled(divisor, matrix),
+    algebra.MatmulOp: _times,
+    algebra.TransposeOp: _turned,
+    algebra.InverseOp: _turned,
+    algebra.CofactorOp: lambda a: a,  # R and Q are their own cofactors
+    algebra.DetOp: lambda a: FIXED,
+    algebra.NormOp: lambda a: FIXED,
+    algebra.TraceOp: _trace,
+    algebra.DotOp: lambda a, b: FIXED if _both(a, b) is not None else None,
+}
+"""Spaces of an operation's result, from those of its operands."""

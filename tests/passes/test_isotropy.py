@@ -1,0 +1,271 @@
+"""`prove-isotropy`: which energies it proves to be isotropic, and in what; and that these are."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from small_scenes import dense_assembly, emit, mixed_union, soft_tets
+
+from yasps import Attribute, Scene, concat_rows, identity, select
+from yasps.backend.interpreter import Interpreter
+from yasps.dialects.mat.calculus import ProjectPsdOp
+from yasps.dialects.rel import AttributeOp, DerivativeOp, EnergyOp, ProjectOp, name_of
+from yasps.frontend import materials
+from yasps.passes.differentiate import Differentiate
+from yasps.passes.inline_references import InlineReferences
+from yasps.passes.pipeline import make_context, run_pipeline
+from yasps.passes.project_psd import ProjectPsd
+from yasps.passes.prove_isotropy import ProveIsotropy
+
+Array = NDArray[np.float64]
+Energy = Callable[[Attribute], Attribute]
+FIBRE = np.array([[1.0], [2.0], [-0.5]])
+TILTED = np.array([[1.0, 0.2, 0.0], [0.0, 0.9, 0.1], [0.3, 0.0, 1.1]])
+
+
+def strain(f: Attribute) -> Attribute:
+    return 0.5 * (f.T * f - identity(f.shape[1]))
+
+
+def st_venant_kirchhoff(f: Attribute) -> Attribute:
+    e = strain(f)
+    return 2.0 * e.dot(e) + 1.5 * e.trace() * e.trace()
+
+
+def logarithmic(f: Attribute) -> Attribute:
+    """Neo-Hookean."""
+    log = f.det().log()
+    return 2.0 * (f.dot(f) - 3) - 4.0 * log + 1.5 * log * log
+
+
+def stable(f: Attribute) -> Attribute:
+    return materials.stable_neo_hookean(f, 2.0, 3.0, 0.7)
+
+
+def with_choice(f: Attribute) -> Attribute:
+    """Another energy where it is compressed; which, may depend on anything."""
+    return select(f[0, 0] < 1.0, stable(f), st_venant_kirchhoff(f))
+
+
+def beside_a_frozen_entry(f: Attribute) -> Attribute:
+    return f[0, 1].stop_gradient() ** 2 * f.det() ** 2 + f.norm() ** 3
+
+
+PROVEN: dict[str, Energy] = {
+    "stable Neo-Hookean": stable,
+    "St. Venant-Kirchhoff": st_venant_kirchhoff,
+    "by the norm": lambda f: (f.norm() - 1.7) ** 2,
+    "Neo-Hookean": logarithmic,
+    "symmetric Dirichlet": lambda f: f.dot(f) + f.inverse().dot(f.inverse()),
+    "left Cauchy-Green": lambda f: (f * f.T * (f * f.T)).trace() + f.det() ** 2,
+    "second invariant": lambda f: (f.T * f).trace() ** 2 - (f.T * f * f.T * f).trace(),
+    "transposed": lambda f: stable(f.T),
+    "both ways round": lambda f: (f * f.T).det() + strain(f).norm() ** 2 + f.T.norm() ** 3,
+    "a multiple of the identity": lambda f: (f.T * f + f.det() * identity(3)).det(),
+    "scaled": lambda f: stable(2.0 * f),
+    "less the identity": lambda f: (f - np.eye(3)).dot(f - np.eye(3)) ** 2,
+    "times a constant matrix, throughout": lambda f: stable(f * TILTED),
+    "inverse of a sum": lambda f: ((identity(3) + f.T * f).inverse() * f.T).norm() ** 3,
+    "a choice": with_choice,
+    "a frozen entry": beside_a_frozen_entry,
+    "a constant matrix by itself": lambda f: (f.det() * TILTED).dot(FIBRE * FIBRE.T) ** 2 + f.norm() ** 3,
+}
+UNPROVEN: dict[str, Energy] = {
+    "an entry": lambda f: stable(f) + f[0, 0] ** 4,
+    "a row": lambda f: stable(f) + f.row(1).norm() ** 3,
+    "a fibre": lambda f: stable(f) + (f * FIBRE).dot(f * FIBRE) ** 2,
+    "a fibre in space": lambda f: stable(f) + (FIBRE.T * f).norm() ** 3,
+    "times a constant matrix, in places": lambda f: f.det() ** 2 + (f * TILTED).norm() ** 3,
+    "less the identity, in places": lambda f: f.det() ** 2 + (f - np.eye(3)).norm() ** 3,
+    "the trace": lambda f: f.trace() * f.det(),
+    "a product with itself": lambda f: (f * f).trace() * f.det(),
+    "the sum of a square": lambda f: (f.T * f).sum() * f.det(),
+    "entry by entry": lambda f: f.exp().norm() ** 2,
+    "a product of entries": lambda f: f.hadamard(f).norm() ** 2,
+    "rows as vectors": lambda f: f.row(0).cross(f.row(1)).dot(f.row(2)) ** 2,
+    "a frozen matrix": lambda f: (f - f.stop_gradient()).dot(f) * f.det(),
+    "a constant matrix": lambda f: (f.T * f).dot(TILTED) * f.det(),
+    "an unequal diagonal": lambda f: (f.T * f + np.diag([1.0, 1.0, 2.0])).det(),
+    "F and its transpose": lambda f: (f + f.T).norm() ** 3 * f.det(),
+}
+
+
+def elements(energy: Callable[[Attribute, Attribute], Attribute], projection: str = "clamp") -> Scene:
+    """An energy of the positions and the inverse rest edges of ten random tets; F is not far from the identity."""
+    random = np.random.default_rng(7)
+    scene = Scene("tets")
+    mesh = scene.add_mesh("m")
+    points, tets = mesh.add_primitive("v", 12), mesh.add_primitive("t", 10)
+    indices = np.array([random.permutation(12)[:4] for _ in range(10)])
+    at = random.random((12, 3))
+    edges = (at[indices[:, 1:]] - at[indices[:, :1]]).swapaxes(1, 2)
+    inverse = np.linalg.inv(edges) @ (np.eye(3) + 0.2 * random.standard_normal((10, 3, 3)))
+    points.add_attribute("x", 3, 1, value=at)
+    x = tets.add_attribute("x", through=tets.add_connectivity("corners", points, indices, 4), source=points["x"])
+    rest = tets.add_constant("inverse", 3, 3, value=inverse)
+    scene.add_energy(tets.add_attribute("energy", computed_attribute=energy(x, rest)), projection=projection)
+    scene.add_minimize_target(points["x"])
+    return scene
+
+
+def tets(energy: Energy, projection: str = "clamp") -> Scene:
+    """An energy of F."""
+    return elements(lambda x, rest: energy(materials.deformation_gradient(x, rest)), projection)
+
+
+def triangles(energy: Energy) -> Scene:
+    """As `tets`, with a 3x2 F."""
+    random = np.random.default_rng(8)
+    scene = Scene("triangles")
+    mesh = scene.add_mesh("m")
+    points, elements = mesh.add_primitive("v", 9), mesh.add_primitive("t", 10)
+    corners = elements.add_connectivity("corners", points, [random.permutation(9)[:3] for _ in range(10)], 3)
+    points.add_attribute("x", 3, 1, value=random.random((9, 3)))
+    x = elements.add_attribute("x", through=corners, source=points["x"])
+    rest = elements.add_constant("inverse", 2, 2, value=np.eye(2) + 0.3 * random.standard_normal((10, 2, 2)))
+    f = materials.triangle_deformation(x, rest)
+    scene.add_energy(elements.add_attribute("energy", computed_attribute=energy(f)))
+    scene.add_minimize_target(points["x"])
+    return scene
+
+
+def shape_proven(scene: Scene) -> list[str | None]:
+    """The shape each projected energy is said to be isotropic in; its projections say so too, at each stage."""
+    said: list[str | None] = []
+
+    def after(name: str, module: object) -> None:
+        if name == "prove-isotropy":
+            for op in emitted.module.walk():
+                if isinstance(op, DerivativeOp) and op.projects is not None and "nowhere" not in op.projects.data:
+                    _, _, why = op.projects.data.partition("; by singular values: isotropic in this ")
+                    said.append(why.removesuffix(" matrix") or None)
+            told = [len(op.operands) == 2 for op in emitted.module.walk() if isinstance(op, ProjectPsdOp)]
+            assert told == [why is not None for why in said]
+
+    emitted = emit(scene)
+    run_pipeline(emitted.module, None, after)
+    lowered = [op.deformation is not None for op in emitted.module.walk() if isinstance(op, ProjectOp)]
+    assert sorted(lowered) == sorted(why is not None for why in said)
+    return said
+
+
+@pytest.mark.parametrize("name", PROVEN)
+def test_proven(name: str) -> None:
+    assert shape_proven(tets(PROVEN[name])) == ["3x3"]
+
+
+@pytest.mark.parametrize("name", UNPROVEN)
+def test_not_proven(name: str) -> None:
+    assert shape_proven(tets(UNPROVEN[name])) == [None]
+
+
+@pytest.mark.parametrize("name", PROVEN)
+def test_the_hessian_falls_apart(name: str) -> None:
+    """What the kernel relies on: in the frames of F only the blocks of equal indices and of pairs are not zero."""
+    emitted = emit(tets(PROVEN[name]))
+    found: list[tuple[Array, Array]] = []
+
+    def after(stage: str, module: object) -> None:
+        if stage == "prove-isotropy":
+            interpreter = Interpreter(emitted.module, emitted.data)
+            derivative = interpreter.scene.derivatives[0]
+            values = interpreter.run(derivative, {})
+            (projection,) = [op for op in derivative.body.block.ops if isinstance(op, ProjectPsdOp)]
+            found.append((values[projection.operands[0]], values[projection.operands[1]]))
+
+    run_pipeline(emitted.module, None, after)
+    ((hessians, deformations),) = found
+    for hessian, f in zip(hessians, deformations, strict=True):
+        u, _, v = np.linalg.svd(f)
+        frame = np.kron(u, v.T)
+        turned = frame.T @ hessian @ frame
+        blocks = np.zeros((9, 9), bool)
+        blocks[np.ix_([0, 4, 8], [0, 4, 8])] = True
+        for i, j in ((1, 3), (2, 6), (5, 7)):
+            blocks[np.ix_([i, j], [i, j])] = True
+            assert abs(turned[i, i] - turned[j, j]) < 1e-11 * np.abs(turned).max()
+        assert np.abs(turned[~blocks]).max() < 1e-11 * np.abs(turned).max()
+
+
+def test_scenes_of_other_tests() -> None:
+    assert shape_proven(soft_tets()) == ["3x3"]
+    said = shape_proven(mixed_union())  # rigidity of a 3x3 target, a spring, tets by the determinant of edges, ...
+    assert said[:3] == ["3x3", None, "3x3"]
+    assert not any(said[3:])
+
+
+@pytest.mark.parametrize("mode", ["none", "clamp", "abs"])
+def test_modes(mode: str) -> None:
+    scene = tets(stable, mode)
+    assert shape_proven(scene) == ([] if mode == "none" else ["3x3"])
+
+
+def test_edges_where_the_rest_shape_matters() -> None:
+    """Isotropic in the edges D, or in F = D B, but in neither if both are used."""
+
+    def said(energy: Callable[[Attribute, Attribute], Attribute]) -> list[str | None]:
+        def of(x: Attribute, rest: Attribute) -> Attribute:
+            edges = concat_rows([x.row(i) - x.row(0) for i in (1, 2, 3)]).T
+            return energy(edges, edges * rest)
+
+        return shape_proven(elements(of))
+
+    assert said(lambda d, f: d.det() ** 2) == ["3x3"]
+    assert said(lambda d, f: f.det() ** 2 + f.norm() ** 3) == ["3x3"]
+    assert said(lambda d, f: d.det() ** 2 + f.norm() ** 3) == [None]
+
+
+def test_a_matrix_that_is_stored_as_a_column() -> None:
+    random = np.random.default_rng(3)
+    scene = Scene("columns")
+    bodies = scene.add_mesh("m").add_primitive("b", 4)
+    a = bodies.add_attribute("a", 9, 1, value=np.eye(3).reshape(9, 1) + 0.2 * random.standard_normal((4, 9, 1)))
+    energy = st_venant_kirchhoff(a.reshape(3, 3))
+    scene.add_energy(bodies.add_attribute("rigid", computed_attribute=energy))
+    scene.add_minimize_target(a)
+    assert shape_proven(scene) == ["3x3"]
+
+
+def test_triangles() -> None:
+    assert shape_proven(triangles(st_venant_kirchhoff)) == ["3x2"]
+    assert shape_proven(triangles(lambda f: (f.T * f).det() ** 2 + f.norm() ** 3)) == ["3x2"]
+    assert shape_proven(triangles(lambda f: materials.baraff_witkin(f, 2.0, 3.0, 1.0))) == [None]
+
+
+def test_left_out_on_request() -> None:
+    stages: list[str] = []
+    emitted = emit(tets(stable))
+    run_pipeline(emitted.module, None, lambda name, module: stages.append(name), without={"prove-isotropy"})
+    assert "prove-isotropy" not in stages
+    assert "isotropic" not in str(emitted.module)
+    told = emit(tets(stable))
+    run_pipeline(told.module)
+    assert "isotropic in" in str(told.module)
+    gradient, hessian = dense_assembly(emitted.module, emitted.data)
+    gradient_told, hessian_told = dense_assembly(told.module, told.data)
+    np.testing.assert_array_equal(gradient, gradient_told)
+    np.testing.assert_array_equal(hessian, hessian_told)
+    with pytest.raises(ValueError, match="only prove-isotropy can be left out, not differentiate"):
+        run_pipeline(emit(tets(stable)).module, without={"differentiate"})
+
+
+def test_an_energy_that_the_derivative_is_not_of() -> None:
+    """F is looked for among the values of the derivative's body: where these are others, nothing is said."""
+    emitted, other = emit(tets(stable)).module, emit(tets(lambda f: stable(f + f))).module
+    for module in (emitted, other):
+        for p in (InlineReferences(), Differentiate(), ProjectPsd()):
+            p.apply(make_context(), module)
+    (mine,), (theirs,) = ([op for op in m.walk() if isinstance(op, EnergyOp)] for m in (emitted, other))
+    assert mine.attribute == theirs.attribute
+    bodies = [
+        next(op for op in m.walk() if isinstance(op, AttributeOp) and op.symbol == name_of(mine.attribute))
+        for m in (emitted, other)
+    ]
+    body = bodies[1].detach_region(0)
+    bodies[0].detach_region(0)
+    bodies[0].add_region(body)
+    ProveIsotropy().apply(make_context(), emitted)
+    assert all(len(op.operands) == 1 for op in emitted.walk() if isinstance(op, ProjectPsdOp))
