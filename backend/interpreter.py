@@ -6,8 +6,7 @@ attribute with respect to all unknowns is one sparse matrix, and Hessians are co
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
 from typing import Any, cast
 
 import numpy as np
@@ -17,6 +16,7 @@ from xdsl.dialects import arith, func, math
 from xdsl.dialects.builtin import FloatAttr, IntegerAttr, ModuleOp
 from xdsl.ir import Block, Operation, SSAValue
 
+from yasps.backend.scene_data import SceneData
 from yasps.backend.scene_view import SceneView
 from yasps.dialects.mat import MatOp, shape_of
 from yasps.dialects.mat.base import Batch
@@ -71,19 +71,6 @@ COMPARISONS: dict[str, Callable[..., Any]] = {
     "one": lambda a, b: is_less(a, b) | is_less(b, a),
 }
 """Meaning of `arith.cmpf` by its predicate."""
-
-
-@dataclass(frozen=True)
-class SceneData:
-    """The numbers of a scene, by the names of the IR.
-
-    storages: [instances, rows, columns]; connectivities: [instances, arity]; sizes: instances of each primitive and
-    primitive union (meshes and the scene have one).
-    """
-
-    storages: Mapping[str, Batch]
-    connectivities: Mapping[str, NDArray[np.int32]]
-    sizes: Mapping[str, int]
 
 
 class Interpreter:

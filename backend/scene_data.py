@@ -9,6 +9,7 @@ from __future__ import annotations
 import json
 import zipfile
 from collections.abc import Mapping
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, cast
 
@@ -16,11 +17,24 @@ import numpy as np
 from numpy.typing import NDArray
 from xdsl.dialects.builtin import ModuleOp
 
-from yasps.backend.interpreter import SceneData
+from yasps.dialects.mat import Batch
 from yasps.dialects.rel import ConnectivityOp, Container, PrimitiveOp, PrimitiveUnionOp, StorageOp, name_of
 from yasps.dialects.rel.declarations import storage_shape
 
 GROUPS = ("storages", "connectivities", "sizes")
+
+
+@dataclass(frozen=True)
+class SceneData:
+    """The numbers of a scene, by the names of the IR.
+
+    storages: [instances, rows, columns]; connectivities: [instances, arity]; sizes: instances of each primitive and
+    primitive union (meshes and the scene have one).
+    """
+
+    storages: Mapping[str, Batch]
+    connectivities: Mapping[str, NDArray[np.int32]]
+    sizes: Mapping[str, int]
 
 
 class SceneDataError(ValueError):

@@ -10,8 +10,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import csr_array
-from scipy.sparse.csgraph import breadth_first_order, maximum_flow
 from xdsl.ir import Block, SSAValue
 
 from yasps.dialects.mat import MatBuilder, MatOp
@@ -58,6 +56,10 @@ def linear_cut(dependence: DependenceMap, inputs: list[SSAValue]) -> list[SSAVal
     arcs += [(source, 2 * values[value], unbounded) for value in inputs]
     arcs += [(2 * values[value] + 1, sink, unbounded) for value in used_nonlinearly(dependence)]
     rows, cols, weights = (np.array(column, np.int32) for column in zip(*arcs, strict=True))
+    # imported here, because a scene whose code is in the cache needs neither
+    from scipy.sparse import csr_array
+    from scipy.sparse.csgraph import breadth_first_order, maximum_flow
+
     graph = csr_array((weights, (rows, cols)), shape=(sink + 1, sink + 1))
     flow = maximum_flow(graph, source, sink)
     if flow.flow_value >= sum(size_of(value) for value in inputs):
