@@ -275,6 +275,17 @@ def _small_square(word: str, shape: Shape) -> Shape:
     return shape
 
 
+def _without(b: MatBuilder, a: SSAValue, row: int, col: int) -> SSAValue:
+    """The square matrix without this row and this column."""
+    last = shape_of(a)[0] - 1
+    upper = [b.block(a, 0, 0, row, last + 1)] if row else []
+    lower = [b.block(a, row + 1, 0, last - row, last + 1)] if row < last else []
+    a = b.concat_rows([*upper, *lower])
+    left = [b.block(a, 0, 0, last, col)] if col else []
+    right = [b.block(a, 0, col + 1, last, last - col)] if col < last else []
+    return b.concat_cols([*left, *right])
+
+
 def _minor(s: ScalarGraph, entries: Sequence[Node], size: int, rows: tuple[int, ...], cols: tuple[int, ...]) -> Node:
     """Determinant of the sub-matrix of these rows and columns, by expansion along its first row."""
 
@@ -387,13 +398,15 @@ class CofactorOp(MatOp):
                     )
                 )
             return b.concat_rows(rows)
-        # d(det(a) a^-T) = (<cof, da> cof - cof da^T cof) / det: needs a regular matrix
-        cofactor = self.result
-        numerator = b.sub(
-            b.scale(b.dot(cofactor, direction), cofactor),
-            b.matmul(b.matmul(cofactor, b.transpose(direction)), cofactor),
-        )
-        return b.divide(numerator, b.det(matrix))
+        # Entry (i, j) is, but for its sign, the determinant of the matrix without row i and column j.
+        rows = []
+        for i in range(size):
+            entries = []
+            for j in range(size):
+                change = b.dot(b.cofactor(_without(b, matrix, i, j)), _without(b, direction, i, j))
+                entries.append(change if (i + j) % 2 == 0 else b.neg(change))
+            rows.append(b.concat_cols(entries))
+        return b.concat_rows(rows)
 
     def pushforward(self, b: MatBuilder, tangents: Sequence[SSAValue | None]) -> SSAValue | None:
         return tangents[0] and self._directional(b, tangents[0])

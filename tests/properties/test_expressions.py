@@ -56,7 +56,7 @@ def derivatives(interpreter: Interpreter, targets: list[str]) -> tuple[Batch, Ba
     count = len(gradient)
     whole_gradient = np.zeros((count, end), gradient.dtype)
     whole_gradient[:, places] = gradient
-    whole_hessian = np.zeros((count, end, end), gradient.dtype)
+    whole_hessian = np.zeros((count, end, end), gradient.dtype if hessian is None else hessian.dtype)
     if hessian is not None:
         whole_hessian[np.ix_(range(count), places, places)] = hessian
     return whole_gradient, whole_hessian

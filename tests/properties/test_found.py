@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import numpy as np
+import pytest
 from scene_checks import check_kernels, check_passes
 
 from yasps import Scene
@@ -39,3 +41,17 @@ def test_constants_beside_an_empty_primitive() -> None:
     scene.add_energy(energy, projection="abs")
     scene.add_minimize_target(x)
     check_passes(scene)
+
+
+@pytest.mark.parametrize("rank", [0, 1, 2, 3])
+def test_second_derivatives_of_a_singular_determinant(rank: int, runtime: Runtime) -> None:
+    """The derivative of 4x4 cofactors divided by the determinant."""
+    random = np.random.default_rng(rank)
+    matrix = random.standard_normal((4, rank)) @ random.standard_normal((rank, 4))
+    scene = Scene("s")
+    points = scene.add_mesh("m").add_primitive("v", 1)
+    a = points.add_attribute("A", 4, 4, value=matrix)
+    scene.add_energy(points.add_attribute("E", computed_attribute=a.det() * a[0, 0] + a.det() ** 2), projection="none")
+    scene.add_minimize_target(a)
+    check_passes(scene)
+    check_kernels(scene, runtime)
