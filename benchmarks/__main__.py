@@ -10,7 +10,22 @@ from pathlib import Path
 
 from rich.console import Console
 
-from benchmarks import codegrowth, elements, opcounts, symbolic
+from benchmarks import (
+    assembly,
+    cloth,
+    codegrowth,
+    compile_times,
+    contacts,
+    elements,
+    indices,
+    memory,
+    opcounts,
+    projection,
+    scene_steps,
+    solver,
+    spmv,
+    symbolic,
+)
 from benchmarks.measure import Report, Settings, show, write_json
 from yasps.runtime.library import available_processors
 
@@ -26,6 +41,16 @@ class Benchmark:
 
 BENCHMARKS = {
     "elements": Benchmark(elements.DESCRIPTION, elements.DEFAULT_SIZE, elements.run),
+    "cloth": Benchmark(cloth.DESCRIPTION, cloth.DEFAULT_SIZE, cloth.run),
+    "contacts": Benchmark(contacts.DESCRIPTION, contacts.DEFAULT_SIZE, contacts.run),
+    "assembly": Benchmark(assembly.DESCRIPTION, assembly.DEFAULT_SIZE, assembly.run),
+    "spmv": Benchmark(spmv.DESCRIPTION, spmv.DEFAULT_SIZE, spmv.run),
+    "index": Benchmark(indices.DESCRIPTION, indices.DEFAULT_SIZE, indices.run),
+    "projection": Benchmark(projection.DESCRIPTION, projection.DEFAULT_SIZE, projection.run),
+    "scene": Benchmark(scene_steps.DESCRIPTION, scene_steps.DEFAULT_SIZE, scene_steps.run),
+    "solver": Benchmark(solver.DESCRIPTION, solver.DEFAULT_SIZE, solver.run),
+    "memory": Benchmark(memory.DESCRIPTION, memory.DEFAULT_SIZE, memory.run),
+    "compile": Benchmark(compile_times.DESCRIPTION, compile_times.DEFAULT_SIZE, compile_times.run),
     "opcounts": Benchmark(opcounts.DESCRIPTION, 1, opcounts.run),
     "symbolic": Benchmark(symbolic.DESCRIPTION, 1, symbolic.run),
     "codegrowth": Benchmark(codegrowth.DESCRIPTION, 1, codegrowth.run),
@@ -44,8 +69,11 @@ def main(arguments: Sequence[str] | None = None) -> int:
     if options.json is not None and not options.json.absolute().parent.is_dir():
         print(f"--json {options.json}: there is no folder {options.json.absolute().parent}", file=sys.stderr)
         return 2
+    if options.mesh is not None and not options.mesh.is_file():
+        print(f"--mesh {options.mesh}: there is no such file", file=sys.stderr)
+        return 2
     benchmark = BENCHMARKS[options.name]
-    settings = Settings(options.size or benchmark.default_size, options.repeats, options.threads)
+    settings = Settings(options.size or benchmark.default_size, options.repeats, options.threads, options.mesh)
     report = benchmark.run(settings)
     show(f"{options.name}: {benchmark.description}", report, console)
     if options.json is not None:
@@ -57,7 +85,8 @@ def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser("python -m benchmarks", description="Without a name: lists the benchmarks.")
     parser.add_argument("name", nargs="?", choices=list(BENCHMARKS), help="which benchmark to run")
     parser.add_argument("--json", type=Path, metavar="FILE", help="also write the rows to this file")
-    parser.add_argument("--size", type=_positive, metavar="N", help="number of elements, about")
+    parser.add_argument("--mesh", type=Path, metavar="FILE", help="tetrahedral mesh, for benchmarks over one")
+    parser.add_argument("--size", type=_positive, metavar="N", help="number of elements, about (see each benchmark)")
     parser.add_argument("--repeats", type=_positive, metavar="R", default=9, help="timed rounds (default: 9)")
     threads = available_processors()
     parser.add_argument(

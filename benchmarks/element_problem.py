@@ -1,68 +1,146 @@
-"""The problem of the benchmark `elements`: a box of stable Neo-Hookean tets, deformed as far as wanted."""
+"""The problems of the benchmarks `elements` and `cloth`: elements of one kind, deformed as far as wanted."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
+from benchmarks.kernel_problem import projected_share
 from yasps import Scene
 from yasps.frontend import materials
 from yasps.frontend.attribute import Attribute
 from yasps.frontend.compiled_scene import CompiledScene
 from yasps.frontend.connectivity import Connectivity
-from yasps.frontend.shapes import box
-from yasps.runtime.assembly import Assembler, KernelCall
+from yasps.frontend.shapes import box, cloth_grid
+from yasps.frontend.tetrahedral_mesh import TetrahedralMesh
 
 FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int32]
 
 YOUNGS_MODULUS, POISSON_RATIO = 5e4, 0.4  # Pa
+MU, LAMBDA = materials.stable_neo_hookean_parameters(YOUNGS_MODULUS, POISSON_RATIO)
+STRETCH_STIFFNESS, SHEAR_STIFFNESS = 2e3, 1e3  # J/m^2
 # Stretched evenly by this much every tet has a semidefinite Hessian; noise then makes some indefinite.
 STRETCH = 1.05
 LARGEST_NOISE = 1.0  # in cells
 BISECTIONS = 14
 
 
-@dataclass(frozen=True)
-class Tets:
-    """Tets at rest and the noise that deforms them.
+def _tet_energy(x: Attribute, constants: Mapping[str, Attribute]) -> Attribute:
+    deformation = materials.deformation_gradient(x, constants["inverse"])
+    return materials.stable_neo_hookean(deformation, constants["mu"], constants["lambda"], constants["volume"])
 
-    vertices: [n, 3]; tets: int32 [m, 4]; inverse: inverse rest edges [m, 3, 3]; volume: [m]; noise: [n, 3], in -1 .. 1
-    times the length of a cell.
+
+def _triangle_energy(x: Attribute, constants: Mapping[str, Attribute]) -> Attribute:
+    deformation = materials.triangle_deformation(x, constants["inverse"])
+    return materials.baraff_witkin(deformation, constants["stretch"], constants["shear"], constants["area"])
+
+
+def _hinge_energy(x: Attribute, constants: Mapping[str, Attribute]) -> Attribute:
+    return materials.hinge_bending(x, constants["stiffness"])
+
+
+@dataclass(frozen=True)
+class ElementKind:
+    """One energy: of corner positions [arity, 3], of constants of each element, and of constants of all of them."""
+
+    name: str
+    energy: Callable[[Attribute, Mapping[str, Attribute]], Attribute]
+    common: Mapping[str, float]
+
+
+NEO_HOOKEAN = ElementKind("stable_neo_hookean", _tet_energy, {"mu": MU, "lambda": LAMBDA})
+BARAFF_WITKIN = ElementKind("baraff_witkin", _triangle_energy, {"stretch": STRETCH_STIFFNESS, "shear": SHEAR_STIFFNESS})
+HINGE = ElementKind("hinge_bending", _hinge_energy, {})
+
+
+@dataclass(frozen=True)
+class Elements:
+    """Elements at rest and the noise that deforms them.
+
+    vertices: [n, 3]; corners: int32 [m, arity]; constants: of each element, [m, ...]; noise: [n, 3], in -1 .. 1 times
+    the length of a cell.
     """
 
+    kind: ElementKind
     vertices: FloatArray
-    tets: NDArray[np.int32]
-    inverse: FloatArray
-    volume: FloatArray
+    corners: IntArray
+    constants: dict[str, FloatArray]
     noise: FloatArray
+
+    def __len__(self) -> int:
+        return len(self.corners)
 
     def deformed(self, amplitude: float) -> FloatArray:
         """Positions [n, 3]: an even stretch, and noise of this amplitude, independent at each vertex."""
         return STRETCH * self.vertices + amplitude * self.noise
 
-    def exploded(self) -> Tets:
-        """The same tets, none of which share a vertex: assembling them adds nothing up, it stores each by itself."""
-        corners = self.tets.reshape(-1)
-        own = np.arange(corners.size, dtype=np.int32).reshape(-1, 4)
-        return Tets(self.vertices[corners], own, self.inverse, self.volume, self.noise[corners])
+    def exploded(self) -> Elements:
+        """The same elements, none of which share a vertex: assembling them stores each by itself, adds nothing up."""
+        corners = self.corners.reshape(-1)
+        own = np.arange(corners.size, dtype=np.int32).reshape(self.corners.shape)
+        return replace(self, vertices=self.vertices[corners], corners=own, noise=self.noise[corners])
 
 
-def box_of_tets(size: int) -> Tets:
+def _noise(vertices: FloatArray, cell: float) -> FloatArray:
+    return np.random.default_rng(0).uniform(-1.0, 1.0, vertices.shape) * cell
+
+
+def tets_of(mesh: TetrahedralMesh) -> Elements:
+    """The tets of a mesh; a cell is the edge of a cube that holds six of the mean."""
+    inverse, volume = materials.rest_shape(mesh.vertices, mesh.tets)
+    cell = float((6 * volume.mean()) ** (1 / 3))
+    constants = {"inverse": inverse, "volume": volume}
+    return Elements(NEO_HOOKEAN, mesh.vertices, mesh.tets, constants, _noise(mesh.vertices, cell))
+
+
+def box_of_tets(size: int) -> Elements:
     """A cube of about `size` tets, at least 6."""
     cells = max(1, round((size / 6) ** (1 / 3)))
-    mesh = box(divisions=(cells, cells, cells))
-    inverse, volume = materials.rest_shape(mesh.vertices, mesh.tets)
-    noise = np.random.default_rng(0).uniform(-1.0, 1.0, mesh.vertices.shape) / cells
-    return Tets(mesh.vertices, mesh.tets, inverse, volume, noise)
+    return tets_of(box(divisions=(cells, cells, cells)))
+
+
+def cloth_triangles(size: int) -> Elements:
+    """A square piece of cloth of about `size` triangles, at least 8."""
+    cells = max(2, round((size / 2) ** 0.5))
+    cloth = cloth_grid(divisions=(cells, cells))
+    inverse, area = materials.rest_triangles(cloth.vertices, cloth.triangles)
+    constants = {"inverse": inverse, "area": area}
+    return Elements(BARAFF_WITKIN, cloth.vertices, cloth.triangles, constants, _noise(cloth.vertices, 1 / cells))
+
+
+def cloth_hinges(size: int) -> Elements:
+    """The hinges of a square piece of cloth, about `size` of them, at least 8."""
+    cells = max(2, round((size / 3) ** 0.5))
+    cloth = cloth_grid(divisions=(cells, cells))
+    corners = hinges_of(cloth.triangles)
+    edge = cloth.vertices[corners[:, 1]] - cloth.vertices[corners[:, 0]]
+    sides = [cloth.vertices[corners[:, k]] - cloth.vertices[corners[:, 0]] for k in (2, 3)]
+    area = sum(0.5 * np.linalg.norm(np.cross(edge, side), axis=1) for side in sides)
+    stiffness = 3 * (edge * edge).sum(axis=1) / area
+    return Elements(HINGE, cloth.vertices, corners, {"stiffness": stiffness}, _noise(cloth.vertices, 1 / cells))
+
+
+def hinges_of(triangles: IntArray) -> IntArray:
+    """For every edge that two triangles share: its ends, then the third corner on its left and on its right, [h, 4]."""
+    sides = triangles[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2).astype(np.int64)
+    third = triangles[:, [2, 0, 1]].reshape(-1)
+    key = sides.min(axis=1) * (triangles.max() + 1) + sides.max(axis=1)
+    order = np.argsort(key, kind="stable")
+    first, second = order[:-1], order[1:]
+    shared = key[first] == key[second]
+    first, second = first[shared], second[shared]
+    return np.column_stack([sides[first], third[first], third[second]]).astype(np.int32)
 
 
 @dataclass(frozen=True)
 class Problem:
-    """The scene of these tets, with one energy and one target."""
+    """The scene of these elements, with one energy and one target."""
 
-    tets: Tets
+    elements: Elements
     position: Attribute
     corners: Connectivity
     compiled: CompiledScene
@@ -70,28 +148,14 @@ class Problem:
 
     def deform(self, amplitude: float) -> None:
         """Moves the vertices."""
-        self.position.update_value(self.tets.deformed(amplitude))
+        self.position.update_value(self.elements.deformed(amplitude))
 
     def projected_share(self) -> float:
-        """Share of the tets whose Hessian the assembler has to project as they are deformed now."""
-        compiled = self.compiled
-        compiled.assemble()
-        (term,) = compiled._terms
-        assert term.derivative is not None
-        assert term.kappas is not None
-        call = KernelCall(
-            compiled.program.function(term.derivative, "derive"),
-            compiled.program.arguments(term.derivative),
-            term.count,
-            term.kappas,
-            term.positions,
-        )
-        matrix = compiled.static_matrix
-        (status,) = Assembler(compiled.runtime).assemble([call], [matrix], np.zeros(matrix.size), matrix.block_size_at)
-        return status.projected / term.count
+        """Share of the elements whose Hessian the assembler has to project as they are deformed now."""
+        return projected_share(self.compiled)
 
     def amplitude_for(self, share: float) -> float:
-        """The amplitude of noise at which about this share of the tets needs projection."""
+        """The amplitude of noise at which about this share of the elements needs projection."""
         if share == 0:
             return 0.0
         low, high = 0.0, LARGEST_NOISE
@@ -103,41 +167,44 @@ class Problem:
 
 
 @dataclass(frozen=True)
-class TetsScene:
-    """A scene of stable Neo-Hookean tets, nothing compiled yet."""
+class ElementsScene:
+    """A scene of elements, nothing compiled yet."""
 
     scene: Scene
     position: Attribute
     corners: Connectivity
 
 
-def tets_scene(tets: Tets, threads: int) -> TetsScene:
-    """The scene of these tets, with one energy and one target."""
+def elements_scene(elements: Elements, threads: int) -> ElementsScene:
+    """The scene of these elements, with one energy and one target."""
     scene = Scene("elements", threads=threads)
-    body = scene.add_mesh("body")
-    vertices = body.add_primitive("vertices", num_instances=len(tets.vertices))
-    position = vertices.add_attribute("position", rows=3, cols=1, value=tets.vertices)
-    elements = body.add_primitive("tets", num_instances=len(tets.tets))
-    corners = elements.add_connectivity("corners", vertices, tets.tets, 4)
-    deformation = materials.deformation_gradient(
-        elements.add_attribute("positions", through=corners, source=position),
-        elements.add_constant("rest_edges_inverse", rows=3, cols=3, value=tets.inverse),
-    )
-    mu, lam = materials.stable_neo_hookean_parameters(YOUNGS_MODULUS, POISSON_RATIO)
-    energy = materials.stable_neo_hookean(
-        deformation,
-        body.add_constant("mu", rows=1, cols=1, value=mu),
-        body.add_constant("lambda", rows=1, cols=1, value=lam),
-        elements.add_constant("rest_volume", rows=1, cols=1, value=tets.volume),
-    )
-    scene.add_energy(elements.add_attribute("stable_neo_hookean", computed_attribute=energy))
+    position, corners = add_elements(scene, "body", elements)
     scene.add_minimize_target(position)
-    return TetsScene(scene, position, corners)
+    return ElementsScene(scene, position, corners)
 
 
-def make_problem(tets: Tets, threads: int) -> Problem:
+def add_elements(scene: Scene, name: str, elements: Elements) -> tuple[Attribute, Connectivity]:
+    """Adds a mesh with these elements and their energy; returns the positions and the corners."""
+    body = scene.add_mesh(name)
+    vertices = body.add_primitive("vertices", num_instances=len(elements.vertices))
+    position = vertices.add_attribute("position", rows=3, cols=1, value=elements.vertices)
+    primitive = body.add_primitive("elements", num_instances=len(elements))
+    corners = primitive.add_connectivity("corners", vertices, elements.corners, elements.corners.shape[1])
+    x = primitive.add_attribute("positions", through=corners, source=position)
+    constants = {
+        key: body.add_constant(key, rows=1, cols=1, value=value) for key, value in elements.kind.common.items()
+    }
+    for key, value in elements.constants.items():
+        rows, cols = value.shape[1:] or (1, 1)
+        constants[key] = primitive.add_constant(key, rows=rows, cols=cols, value=value)
+    energy = elements.kind.energy(x, constants)
+    scene.add_energy(primitive.add_attribute(elements.kind.name, computed_attribute=energy))
+    return position, corners
+
+
+def make_problem(elements: Elements, threads: int) -> Problem:
     """The scene, compiled and its structure built."""
-    made = tets_scene(tets, threads)
+    made = elements_scene(elements, threads)
     compiled = made.scene.compile()
     compiled.update_structure()
-    return Problem(tets, made.position, made.corners, compiled, threads)
+    return Problem(elements, made.position, made.corners, compiled, threads)

@@ -1,18 +1,28 @@
-"""The peer JAX in the benchmark `elements`: jit(vmap(hessian)) of the same energy; eigh, eigenvalues clamped."""
+"""The peer JAX in the benchmarks `elements` and `cloth`: jit(vmap(hessian)) of the same energies; eigh, eigenvalues
+clamped."""
 
 from __future__ import annotations
 
 import os
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
 from importlib import import_module
 from typing import Any
 
 import numpy as np
 
-from benchmarks.element_problem import POISSON_RATIO, YOUNGS_MODULUS, FloatArray, Tets
-from yasps.frontend import materials
+from benchmarks.array_peer import ArrayPeer
+from benchmarks.element_problem import (
+    BARAFF_WITKIN,
+    HINGE,
+    LAMBDA,
+    MU,
+    NEO_HOOKEAN,
+    SHEAR_STIFFNESS,
+    STRETCH_STIFFNESS,
+    Elements,
+    FloatArray,
+)
 
 
 @contextmanager
@@ -29,48 +39,59 @@ def one_processor() -> Iterator[None]:
         os.sched_setaffinity(0, everything)
 
 
-@dataclass(frozen=True)
-class JaxElements:
-    """Gradients [m, 12] and Hessians [m, 12, 12] of the first tets, for positions [n, 3], on one thread.
-
-    derive: as they are; derive_projected: with negative eigenvalues set to zero.
-    """
-
-    version: str
-    count: int
-    derive: Callable[[FloatArray], tuple[FloatArray, FloatArray]]
-    derive_projected: Callable[[FloatArray], tuple[FloatArray, FloatArray]]
+# JAX need not be installed: its modules and arrays are `Any`, and `jnp` is given to the energies.
+def _neo_hookean(jnp: Any, x: Any, inverse: Any, volume: Any) -> Any:
+    f = (x[1:] - x[0]).T @ inverse
+    # Written out: faster here than jnp.linalg.det, which differentiates an LU decomposition.
+    determinant = jnp.dot(f[0], jnp.cross(f[1], f[2]))
+    stretch = jnp.sum(f * f)
+    dilation = determinant - (1 + 0.75 * MU / LAMBDA)
+    strain = 0.5 * MU * (stretch - 3 - jnp.log(stretch + 1))
+    return volume * (strain + 0.5 * LAMBDA * dilation**2)
 
 
-def jax_elements(tets: Tets, most: int) -> JaxElements:
-    """Compiles JAX's functions for at most `most` tets. Raises ImportError when JAX is not installed."""
+def _baraff_witkin(jnp: Any, x: Any, inverse: Any, area: Any) -> Any:
+    f = (x[1:] - x[0]).T @ inverse
+    u, v = f[:, 0], f[:, 1]
+    stretch = (jnp.sqrt(u @ u) - 1) ** 2 + (jnp.sqrt(v @ v) - 1) ** 2
+    return area * (STRETCH_STIFFNESS * stretch + SHEAR_STIFFNESS * (u @ v) ** 2)
+
+
+def _hinge(jnp: Any, x: Any, stiffness: Any) -> Any:
+    edge, left, right = x[1] - x[0], x[2] - x[0], x[3] - x[0]
+    first, second = jnp.cross(edge, left), jnp.cross(right, edge)
+    difference = first / jnp.sqrt(first @ first) - second / jnp.sqrt(second @ second)
+    return stiffness * (difference @ difference)
+
+
+ENERGIES: dict[str, Callable[..., Any]] = {
+    NEO_HOOKEAN.name: _neo_hookean,
+    BARAFF_WITKIN.name: _baraff_witkin,
+    HINGE.name: _hinge,
+}
+
+
+def jax_elements(elements: Elements, most: int) -> ArrayPeer:
+    """Compiles JAX's functions for at most `most` elements. Raises ImportError when JAX is not installed."""
     with one_processor():
         # XLA makes one thread for each processor that it may use when it starts, which is here.
-        jax: Any = import_module("jax")  # typed loosely: it need not be installed
+        jax: Any = import_module("jax")
         jnp: Any = import_module("jax.numpy")
 
         jax.config.update("jax_enable_x64", True)
         cpu = jax.devices("cpu")[0]
-        count = min(most, len(tets.tets))
-        mu, lam = materials.stable_neo_hookean_parameters(YOUNGS_MODULUS, POISSON_RATIO)
-        corners, inverse, volume = (
-            jax.device_put(array[:count], cpu) for array in (tets.tets, tets.inverse, tets.volume)
-        )
+        count = min(most, len(elements))
+        corners = jax.device_put(elements.corners[:count], cpu)
+        constants = [jax.device_put(array[:count], cpu) for array in elements.constants.values()]
+        energy_of = ENERGIES[elements.kind.name]
 
-        def energy(corner_positions: Any, rest_inverse: Any, rest_volume: Any) -> Any:
-            x = corner_positions.reshape(4, 3)
-            f = (x[1:] - x[0]).T @ rest_inverse
-            # Written out: faster here than jnp.linalg.det, which differentiates an LU decomposition.
-            determinant = jnp.dot(f[0], jnp.cross(f[1], f[2]))
-            stretch = jnp.sum(f * f)
-            dilation = determinant - (1 + 0.75 * mu / lam)
-            strain = 0.5 * mu * (stretch - 3 - jnp.log(stretch + 1))
-            return rest_volume * (strain + 0.5 * lam * dilation**2)
+        def energy(flat: Any, *own: Any) -> Any:
+            return energy_of(jnp, flat.reshape(-1, 3), *own)
 
         def derivatives(x: Any) -> tuple[Any, Any]:
-            own = x[corners].reshape(-1, 12)
-            gradient = jax.vmap(jax.grad(energy))(own, inverse, volume)
-            return gradient, jax.vmap(jax.hessian(energy))(own, inverse, volume)
+            own = x[corners].reshape(count, -1)
+            gradient = jax.vmap(jax.grad(energy))(own, *constants)
+            return gradient, jax.vmap(jax.hessian(energy))(own, *constants)
 
         def projected(x: Any) -> tuple[Any, Any]:
             gradient, hessian = derivatives(x)
@@ -78,7 +99,7 @@ def jax_elements(tets: Tets, most: int) -> JaxElements:
             return gradient, (vectors * jnp.maximum(values, 0.0)[:, None, :]) @ vectors.swapaxes(1, 2)
 
         def ready(function: Any) -> Callable[[FloatArray], tuple[FloatArray, FloatArray]]:
-            compiled = jax.jit(function).lower(jax.ShapeDtypeStruct(tets.vertices.shape, np.float64)).compile()
+            compiled = jax.jit(function).lower(jax.ShapeDtypeStruct(elements.vertices.shape, np.float64)).compile()
 
             def run(x: FloatArray) -> tuple[FloatArray, FloatArray]:
                 gradient, hessian = jax.block_until_ready(compiled(x))
@@ -86,4 +107,4 @@ def jax_elements(tets: Tets, most: int) -> JaxElements:
 
             return run
 
-        return JaxElements(jax.__version__, count, ready(derivatives), ready(projected))
+        return ArrayPeer("JAX", jax.__version__, count, ready(derivatives), ready(projected))

@@ -17,12 +17,14 @@ from rich.table import Table
 class Settings:
     """What the command line asks of a benchmark.
 
-    size: number of elements, about; repeats: timed rounds; threads: the most threads that yasps uses.
+    size: what each benchmark says it is (elements, about, for most); repeats: timed rounds; threads: the most threads
+    that yasps uses; mesh: a tetrahedral mesh file instead of the mesh the benchmark makes itself.
     """
 
     size: int
     repeats: int
     threads: int
+    mesh: Path | None = None
 
 
 @dataclass(frozen=True)

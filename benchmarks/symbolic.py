@@ -5,7 +5,7 @@ from __future__ import annotations
 import statistics
 import time
 
-from benchmarks.element_problem import box_of_tets, tets_scene
+from benchmarks.element_problem import box_of_tets, elements_scene
 from benchmarks.measure import Report, Row, Settings
 from yasps.examples.two_bunnies import two_bunnies
 from yasps.frontend.emit import SceneEmitter
@@ -40,7 +40,7 @@ def stages(scene: Scene) -> dict[str, float]:
 def run(settings: Settings) -> Report:
     """Times both scenes."""
     scenes = {
-        "stable Neo-Hookean tets": tets_scene(box_of_tets(6), 1).scene,
+        "stable Neo-Hookean tets": elements_scene(box_of_tets(6), 1).scene,
         "two_bunnies": two_bunnies(box(divisions=(2, 2, 2)), threads=1).scene,
     }
     rows = []

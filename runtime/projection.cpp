@@ -1,10 +1,8 @@
-// Projection of small symmetric matrices onto the positive semidefinite cone, eight at a time.
+// Projection of small symmetric matrices onto the positive semidefinite cone.
 //
-// Most matrices of a simulation are already semidefinite, and an LDL^T factorisation of all lanes at once finds out
-// at a fraction of the cost of their eigenvalues. Only a pack with a lane that fails is decomposed: Householder
-// reduction to tridiagonal form and implicit QL with Wilkinson's shift (Golub & Van Loan, sec. 8.3), with one matrix
-// per vector lane. Lanes take different numbers of steps; those that are ahead wait behind a mask. Loops are rolled on
-// purpose: unrolling them for every width costs a minute of compile time and gains little.
+// Most matrices of a simulation are already semidefinite, and an LDL^T factorisation of eight at once finds out at a
+// fraction of the cost of their eigenvalues. Matrices that fail are collected from all packs, so that decomposing them
+// (negative_part.cpp) keeps the lanes of two vectors busy.
 #include <float.h>
 
 #include "runtime.h"
@@ -13,333 +11,213 @@ namespace yasps {
 namespace {
 
 constexpr int kLanes = kYaspsLanes;
-// Eigenvalues above -kShift * (sum of |diagonal|) count as zero: rigid motions leave such rounding error behind.
-constexpr double kShift = 1e-13;
-// Sweeps per eigenvalue before giving up; two or three are usual.
-constexpr int kMaxSweeps = 100;
-// Widths whose scratch lives on the stack.
-constexpr int kStackWidth = 24;
+constexpr int kCollected = 2 * kLanes;        // matrices that are decomposed at once
+constexpr int kStride = kCollected + kLanes;  // with room for a store of eight behind the last
+// The most scratch, in bytes, that lies on the stack; width 15 needs no more.
+constexpr long kLargestStack = 1 << 18;
 
 enum Mode { kClamp = 0, kAbsolute = 1, kLeave = 2 };
 
-inline d8 splat(double v) { return d8{v, v, v, v, v, v, v, v}; }
-inline d8 select(l8 mask, d8 yes, d8 no) { return mask ? yes : no; }
 inline d8 magnitude(d8 v) { return reinterpret_cast<d8>(reinterpret_cast<l8>(v) & INT64_MAX); }
-inline d8 maximum(d8 a, d8 b) { return select(a > b, a, b); }
-inline d8 square_root(d8 v) {
-    d8 root;
-    for (int lane = 0; lane < kLanes; ++lane) root[lane] = sqrt(v[lane]);
-    return root;
-}
-inline bool any(l8 mask) {
-    long found = 0;
-    for (int lane = 0; lane < kLanes; ++lane) found |= mask[lane];
-    return found != 0;
-}
 
-// Lanes whose matrix plus the shift has an LDL^T factorisation with a positive D. `work` holds the packed triangle.
-l8 is_semidefinite(const d8_unaligned* a, int n, d8* work) {
-    const int packed = n * (n + 1) / 2;
-    d8 trace = {};
-    for (int i = 0, k = 0; i < n; k += n - i, ++i) trace += magnitude(a[k]);
-    for (int k = 0; k < packed; ++k) work[k] = a[k];
-    // The absolute part lets a zero matrix pass.
-    const d8 shift = trace * kShift + DBL_MIN;
-    for (int i = 0, k = 0; i < n; k += n - i, ++i) work[k] += shift;
-    l8 passed = ~l8{};
-    d8* row = work;
-    for (int k = 0; k < n; ++k) {
-        const d8 pivot = row[0];
-        passed &= pivot > 0.0;
-        const d8 inverse = 1.0 / pivot;
-        d8* below = row + (n - k);
-        for (int i = 1; i < n - k; ++i) {
-            const d8 factor = row[i] * inverse;
-            for (int j = i; j < n - k; ++j) below[j - i] -= factor * row[j];
-            below += n - k - i;
-        }
-        row += n - k;
-    }
-    return passed;
-}
+typedef long long quads __attribute__((vector_size(64)));
 
-// Reduces the full symmetric matrix a (n x n) to tridiagonal form, diagonal d and off-diagonal e[0 .. n-2]; the
-// columns of z (z[c * n + k] = element k of column c) become the accumulated reflections. p is scratch of n.
-void tridiagonalise(d8* a, int n, d8* d, d8* e, d8* z, d8* p) {
-    for (int k = 0; k + 2 < n; ++k) {
-        d8* const v = a + k * n;  // row k right of the diagonal becomes the reflection's vector
-        d8 squared = {};
-        for (int i = k + 1; i < n; ++i) squared += v[i] * v[i];
-        const d8 first = v[k + 1];
-        const d8 norm = square_root(squared);
-        const d8 reflected = select(first > 0.0, -norm, norm);
-        // Columns this small are zero next to a matrix of size one; dividing by them would overflow.
-        const l8 small = squared < 1e-200;
-        e[k] = select(small, first, reflected);
-        v[k + 1] = first - reflected;
-        const d8 scale = select(small, d8{}, 1.0 / select(small, splat(1), squared - first * reflected));
-        d[k] = scale;  // kept here until the vectors are accumulated
-        for (int i = k + 1; i < n; ++i) p[i] = d8{};
-        for (int i = k + 1; i < n; ++i) {
-            const d8* const row = a + i * n;
-            d8 sum = row[i] * v[i];
-            for (int j = i + 1; j < n; ++j) {
-                sum += row[j] * v[j];
-                p[j] += row[j] * v[i];
-            }
-            p[i] += sum;
-        }
-        d8 inner = {};
-        for (int i = k + 1; i < n; ++i) {
-            p[i] *= scale;
-            inner += p[i] * v[i];
-        }
-        const d8 half = inner * scale * 0.5;
-        for (int i = k + 1; i < n; ++i) p[i] -= half * v[i];
-        for (int i = k + 1; i < n; ++i) {
-            d8* const row = a + i * n;
-            for (int j = i; j < n; ++j) row[j] -= v[i] * p[j] + p[i] * v[j];
-        }
-    }
-    for (int i = 0; i < n * n; ++i) z[i] = d8{};
-    for (int i = 0; i < n; ++i) z[i * n + i] = splat(1);
-    for (int k = n - 3; k >= 0; --k) {
-        const d8* const v = a + k * n;
-        for (int c = k + 1; c < n; ++c) {
-            d8* const column = z + c * n;
-            d8 inner = {};
-            for (int i = k + 1; i < n; ++i) inner += v[i] * column[i];
-            inner *= d[k];
-            for (int i = k + 1; i < n; ++i) column[i] -= inner * v[i];
-        }
-    }
-    if (n > 1) e[n - 2] = a[(n - 2) * n + n - 1];
-    for (int i = 0; i < n; ++i) d[i] = a[i * n + i];
-}
-
-// For every lane the first index m >= l whose off-diagonal is negligible, and the diagonal entry there.
-struct Splits {
-    l8 at;
-    d8 diagonal;
-};
-Splits find_splits(const d8* d, const d8* e, int n, int l, d8 negligible) {
-    Splits splits = {l8{} + (n - 1L), d[n - 1]};
-    for (long m = n - 2; m >= l; --m) {
-        const l8 here = magnitude(e[m]) <= negligible;
-        splits.at = here ? l8{} + m : splits.at;
-        splits.diagonal = select(here, d[m], splits.diagonal);
-    }
-    return splits;
-}
-
-long largest_of(l8 v) {
-    long largest = v[0];
-    for (int lane = 1; lane < kLanes; ++lane) largest = v[lane] > largest ? v[lane] : largest;
-    return largest;
-}
-
-// Diagonalises the tridiagonal matrix; d becomes the eigenvalues (in no order) and
-// the columns of z the eigenvectors. Returns the lanes that did not converge.
-l8 diagonalise(d8* d, d8* e, int n, d8* z) {
-    d8 norm = {};
-    for (int i = 0; i < n; ++i) norm = maximum(norm, magnitude(d[i]) + (i + 1 < n ? magnitude(e[i]) : d8{}));
-    const d8 negligible = norm * (DBL_EPSILON / 2);
-    for (int l = 0; l + 1 < n; ++l) {
-        for (int sweep = 0;; ++sweep) {
-            const Splits splits = find_splits(d, e, n, l, negligible);
-            const l8 last = splits.at;
-            const long largest = largest_of(last);
-            const l8 busy = last > l;
-            if (largest == l) break;
-            if (sweep == kMaxSweeps) return busy;
-
-            // Wilkinson's shift from the leading 2 x 2 block.
-            const d8 safe = select(busy, e[l], splat(1));
-            const d8 ratio = (d[l + 1] - d[l]) / (2.0 * safe);
-            const d8 root = square_root(ratio * ratio + 1.0);
-            d8 g = splits.diagonal - d[l] + safe / (ratio + select(ratio < 0.0, -root, root));
-            d8 s = splat(1), c = splat(1), p = {};
-            for (long i = largest - 1; i >= l; --i) {
-                const l8 active = busy & (last > i);
-                const d8 f = s * e[i];
-                const d8 b = c * e[i];
-                const d8 r = square_root(f * f + g * g);
-                const l8 zero = r == 0.0;
-                const d8 inverse = 1.0 / select(zero, splat(1), r);
-                const d8 sine = select(zero, d8{}, f * inverse);
-                const d8 cosine = select(zero, splat(1), g * inverse);
-                const d8 shifted = d[i + 1] - p;
-                const d8 t = (d[i] - shifted) * sine + 2.0 * cosine * b;
-                e[i + 1] = select(active & (last != i + 1), r, e[i + 1]);
-                s = select(active, sine, s);
-                c = select(active, cosine, c);
-                p = select(active, sine * t, p);
-                d[i + 1] = select(active, shifted + p, d[i + 1]);
-                g = select(active, cosine * t - b, g);
-                const d8 turn_sine = select(active, sine, d8{});
-                const d8 turn_cosine = select(active, cosine, splat(1));
-                d8* const lower = z + i * n;
-                d8* const upper = lower + n;
-                for (int k = 0; k < n; ++k) {
-                    const d8 u = upper[k], v = lower[k];
-                    upper[k] = turn_sine * v + turn_cosine * u;
-                    lower[k] = turn_cosine * v - turn_sine * u;
-                }
-            }
-            d[l] -= select(busy, p, d8{});
-            e[l] = select(busy, g, e[l]);
-        }
-    }
-    return l8{};
-}
-
-struct Scratch {
-    d8 *work, *a, *z, *d, *e, *p;
-};
-long scratch_size(long n) { return n * (n + 1) / 2 + 2 * n * n + 3 * n; }
-Scratch cut_scratch(d8* memory, int n) {
-    Scratch s;
-    s.work = memory;
-    s.a = s.work + n * (n + 1) / 2;
-    s.z = s.a + n * n;
-    s.d = s.z + n * n;
-    s.e = s.d + n;
-    s.p = s.e + n;
-    return s;
-}
-
-// Powers of two that bring the largest entry of every lane to about one; exact to multiply with.
-void find_scales(d8 largest, d8* down, d8* up) {
-    for (int lane = 0; lane < kLanes; ++lane) {
-        int exponent = 0;
-        if (largest[lane] > 0) frexp(largest[lane], &exponent);
-        // Both powers must be normal numbers.
-        exponent = exponent < -1021 ? -1021 : exponent > 1021 ? 1021 : exponent;
-        (*down)[lane] = ldexp(1.0, -exponent);
-        (*up)[lane] = ldexp(1.0, exponent);
-    }
-}
-
-// Removes the negative eigenvalues of the lanes in `failed`. Adding -lambda v v^T for the negative eigenvalues alone
-// keeps what is already semidefinite untouched by rounding. Returns the lanes that changed; `unfinished` receives those
-// whose eigenvalues were not found.
-l8 remove_negative(d8_unaligned* packed, int n, Mode mode, l8 failed, d8 largest, const Scratch& s, l8* unfinished) {
-    d8 down, up;
-    find_scales(largest, &down, &up);
-    const d8_unaligned* from = packed;
-    d8 trace = {};
-    for (int i = 0; i < n; ++i) {
-        // The other lanes become zero and are done at once.
-        for (int j = i; j < n; ++j) s.a[i * n + j] = select(failed, *from++ * down, d8{});
-        trace += magnitude(s.a[i * n + i]);
-    }
-    tridiagonalise(s.a, n, s.d, s.e, s.z, s.p);
-    *unfinished = diagonalise(s.d, s.e, n, s.z);
-
-    d8 smallest = {};
-    for (int i = 0; i < n; ++i) smallest = select(s.d[i] < smallest, s.d[i], smallest);
-    const l8 changes = failed & (smallest < -kShift * trace);
-    if (!any(changes)) return changes;
-    for (int k = 0; k < n * (n + 1) / 2; ++k) s.work[k] = d8{};
-    for (int i = 0; i < n; ++i) {
-        const l8 negative = changes & (s.d[i] < 0.0);
-        if (!any(negative)) continue;
-        const d8 weight = select(negative, mode == kAbsolute ? -2.0 * s.d[i] : -s.d[i], d8{});
-        const d8* const v = s.z + i * n;
-        d8* to = s.work;
-        for (int j = 0; j < n; ++j) {
-            const d8 scaled = weight * v[j];
-            for (int k = j; k < n; ++k) *to++ += scaled * v[k];
-        }
-    }
-    for (int k = 0; k < n * (n + 1) / 2; ++k)
-        packed[k] = select(changes, (packed[k] * down + s.work[k]) * up, packed[k]);
-    return changes;
+// One bit a lane.
+inline unsigned bits_of(l8 mask) {
+#ifdef __AVX512DQ__
+    return static_cast<unsigned char>(__builtin_ia32_cvtq2mask512(reinterpret_cast<quads>(mask)));
+#else
+    unsigned bits = 0;
+    for (int lane = 0; lane < kLanes; ++lane) bits |= static_cast<unsigned>(mask[lane] & 1) << lane;
+    return bits;
+#endif
 }
 
 struct Check {
-    l8 finite;
-    l8 failed;   // has, or may have, a negative eigenvalue
-    d8 largest;  // absolute value of the largest entry
+    d8 sum;     // of the absolute values of all entries of the triangle; not finite where one is not
+    l8 passed;  // the matrix plus the shift has an LDL^T factorisation with a positive D
 };
-Check check_pack(const d8_unaligned* packed, int n, Mode mode, d8* work) {
-    Check check = {~l8{}, l8{}, d8{}};
-    for (int k = 0; k < n * (n + 1) / 2; ++k) {
-        const d8 size = magnitude(packed[k]);
-        check.finite &= size <= DBL_MAX;
-        check.largest = maximum(size, check.largest);
+
+inline d8 shift_of(d8 trace) {
+    // The absolute part lets a zero matrix pass.
+    return trace * kProjectionShift + DBL_MIN;
+}
+
+// Checks a pack of width n; `row` is memory for n (n + 1) / 2 entries.
+Check check_any(const d8_unaligned* a, int n, d8* row) {
+    Check check = {d8{}, ~l8{}};
+    d8 trace = {};
+    for (int k = 0; k < n * (n + 1) / 2; ++k) check.sum += magnitude(row[k] = a[k]);
+    for (int i = 0, k = 0; i < n; k += n - i, ++i) trace += magnitude(a[k]);
+    for (int i = 0, k = 0; i < n; k += n - i, ++i) row[k] += shift_of(trace);
+    for (int left = n; left > 0; row += left, --left) {
+        check.passed &= row[0] > 0.0;
+        const d8 inverse = 1.0 / row[0];
+        d8* below = row + left;
+        for (int i = 1; i < left; below += left - i, ++i) {
+            const d8 factor = row[i] * inverse;
+            for (int j = i; j < left; ++j) below[j - i] -= factor * row[j];
+        }
     }
-    if (mode == kLeave) return check;
-    // Near the ends of the number range the factorisation overflows; there the eigenvalues decide, after scaling.
-    const l8 safe = (check.largest < 1e290) & ((check.largest > 1e-290) | (check.largest == 0.0));
-    check.failed = ~(is_semidefinite(packed, n, work) & safe);
     return check;
 }
 
-l8 lanes_below(long count) {
-    l8 mask;
-    for (int lane = 0; lane < kLanes; ++lane) mask[lane] = lane < count ? -1 : 0;
-    return mask;
+// The same for a width known here: unrolled, with most of the triangle in registers, it takes a third of the time.
+template <int n>
+Check check_unrolled(const d8_unaligned* a) {
+    d8 triangle[n * (n + 1) / 2];
+    d8* row = triangle;
+    Check check = {d8{}, ~l8{}};
+    d8 trace = {};
+#pragma GCC unroll 100
+    for (int k = 0; k < n * (n + 1) / 2; ++k) check.sum += magnitude(row[k] = a[k]);
+#pragma GCC unroll 16
+    for (int i = 0, k = 0; i < n; k += n - i, ++i) trace += magnitude(a[k]);
+#pragma GCC unroll 16
+    for (int i = 0, k = 0; i < n; k += n - i, ++i) row[k] += shift_of(trace);
+#pragma GCC unroll 16
+    for (int left = n; left > 0; --left) {
+        check.passed &= row[0] > 0.0;
+        const d8 inverse = 1.0 / row[0];
+        d8* below = row + left;
+#pragma GCC unroll 16
+        for (int i = 1; i < left; ++i) {
+            const d8 factor = row[i] * inverse;
+#pragma GCC unroll 16
+            for (int j = i; j < left; ++j) below[j - i] -= factor * row[j];
+            below += left - i;
+        }
+        row += left;
+    }
+    return check;
 }
 
-int first_lane(l8 mask) {
-    int lane = 0;
-    while (lane < kLanes && !mask[lane]) ++lane;
-    return lane;
+Check check_pack(const d8_unaligned* a, int n, d8* work) {
+    switch (n) {
+        case 3:
+            return check_unrolled<3>(a);
+        case 6:
+            return check_unrolled<6>(a);
+        case 9:
+            return check_unrolled<9>(a);
+        case 12:
+            return check_unrolled<12>(a);
+        default:
+            return check_any(a, n, work);
+    }
 }
 
-// Matrices that failed the check, drawn together from several packs so that decomposing them keeps all lanes busy.
-struct Compacted {
-    double* pack;  // [entries, kLanes]
-    long source[kLanes];
-    d8 largest;
-    int count;
+// Bit set of lanes with an entry that is not finite.
+unsigned not_finite_lanes(const d8_unaligned* a, long entries) {
+    l8 finite = ~l8{};
+    for (long k = 0; k < entries; ++k) finite &= magnitude(a[k]) <= DBL_MAX;
+    return bits_of(~finite);
+}
+
+// Matrices drawn from several packs. Those of one pack are a run: in slots from `slot` on, in the order of its lanes.
+struct Run {
+    long pack;
+    unsigned lanes;
+    int slot;
+};
+struct Collected {
+    double* matrices;  // [entries, kStride], the first kCollected of a row are used
+    double* sizes;     // [kStride]: sum of the absolute values of the triangle
+    int count, run_count;
+    Run runs[kCollected];
 };
 
-// Decomposes what has been collected and puts it back. Returns the number changed or -(1 + source).
-long flush(Compacted& c, double* packed, int n, Mode mode, const Scratch& scratch) {
-    const long entries = static_cast<long>(n) * (n + 1) / 2;
-    l8 unfinished;
-    const l8 changes = remove_negative(reinterpret_cast<d8_unaligned*>(c.pack), n, mode, lanes_below(c.count),
-                                       c.largest, scratch, &unfinished);
-    if (any(unfinished)) return -(1 + c.source[first_lane(unfinished)]);
-    long changed = 0;
-    for (int slot = 0; slot < c.count; ++slot) {
-        if (!changes[slot]) continue;
-        ++changed;
-        double* const to = packed + c.source[slot] / kLanes * entries * kLanes + c.source[slot] % kLanes;
-        for (long k = 0; k < entries; ++k) to[k * kLanes] = c.pack[k * kLanes + slot];
-    }
-    c.count = 0;
-    return changed;
+#ifdef __AVX512F__
+inline d8 compress(d8 v, unsigned lanes) {
+    return __builtin_ia32_compressdf512_mask(v, d8{}, static_cast<unsigned char>(lanes));
+}
+inline d8 expand(d8 v, d8 others, unsigned lanes) {
+    return __builtin_ia32_expanddf512_mask(v, others, static_cast<unsigned char>(lanes));
+}
+#else
+inline d8 compress(d8 v, unsigned lanes) {
+    d8 packed = {};
+    for (int lane = 0, slot = 0; lane < kLanes; ++lane)
+        if (lanes >> lane & 1) packed[slot++] = v[lane];
+    return packed;
+}
+inline d8 expand(d8 v, d8 others, unsigned lanes) {
+    for (int lane = 0, slot = 0; lane < kLanes; ++lane)
+        if (lanes >> lane & 1) others[lane] = v[slot++];
+    return others;
+}
+#endif
+
+// Adds the lowest lanes that there is room for; returns the others.
+unsigned collect(const double* packed, long pack, long entries, unsigned lanes, d8 sizes, Collected* c) {
+    unsigned left = lanes;
+    int taken = 0;
+    for (; left != 0 && c->count + taken < kCollected; ++taken) left &= left - 1;
+    const d8_unaligned* const from = reinterpret_cast<const d8_unaligned*>(packed + pack * entries * kLanes);
+    double* const to = c->matrices + c->count;
+    for (long k = 0; k < entries; ++k)
+        *reinterpret_cast<d8_unaligned*>(to + k * kStride) = compress(from[k], lanes ^ left);
+    *reinterpret_cast<d8_unaligned*>(c->sizes + c->count) = compress(sizes, lanes ^ left);
+    c->runs[c->run_count++] = {pack, lanes ^ left, c->count};
+    c->count += taken;
+    return left;
 }
 
-long project(double* packed, int n, long lanes, Mode mode, d8* memory) {
+// Decomposes what has been collected and puts it back. Returns the number changed or -(1 + matrix).
+long flush(Collected* c, double* packed, int n, Mode mode, double* scratch) {
     const long entries = static_cast<long>(n) * (n + 1) / 2;
-    const Scratch scratch = cut_scratch(memory, n);
-    Compacted collected = {reinterpret_cast<double*>(memory + scratch_size(n)), {}, d8{}, 0};
+    const int packs = c->count > kLanes ? 2 : 1;
+    // Lanes to spare are done at once as zero matrices.
+    for (int slot = c->count; slot < packs * kLanes; ++slot) {
+        c->sizes[slot] = 0.0;
+        for (long k = 0; k < entries; ++k) c->matrices[k * kStride + slot] = 0.0;
+    }
+    NegativePart result;
+    remove_negative_part(c->matrices, kStride, c->sizes, n, packs, mode == kAbsolute, scratch, &result);
+    for (int r = 0; r < c->run_count; ++r) {
+        const Run run = c->runs[r];
+        for (unsigned lanes = run.lanes, slot = run.slot; lanes != 0; lanes &= lanes - 1, ++slot)
+            if (result.unfinished >> slot & 1) return -(1 + run.pack * kLanes + __builtin_ctz(lanes));
+        d8_unaligned* const to = reinterpret_cast<d8_unaligned*>(packed + run.pack * entries * kLanes);
+        const double* const from = c->matrices + run.slot;
+        for (long k = 0; k < entries; ++k)
+            to[k] = expand(*reinterpret_cast<const d8_unaligned*>(from + k * kStride), to[k], run.lanes);
+    }
+    c->count = c->run_count = 0;
+    return __builtin_popcount(result.changed);
+}
+
+long project(double* packed, int n, long lanes, Mode mode, double* memory) {
+    const long entries = static_cast<long>(n) * (n + 1) / 2;
+    Collected collected;
+    collected.matrices = memory;
+    collected.sizes = memory + entries * kStride;
+    collected.count = collected.run_count = 0;
+    double* const scratch = memory + (entries + 1) * kStride;
     long changed = 0;
-    for (long first = 0; first < lanes; first += kLanes) {
-        double* const pack = packed + first * entries;
-        const l8 valid = lanes_below(lanes - first);
-        const Check check = check_pack(reinterpret_cast<d8_unaligned*>(pack), n, mode, scratch.work);
-        const l8 not_finite = ~check.finite & valid;
-        if (any(not_finite)) return -(1 + first + first_lane(not_finite));
-        const l8 failed = check.failed & valid;
-        if (!any(failed)) continue;
-        for (int lane = 0; lane < kLanes; ++lane) {
-            if (!failed[lane]) continue;
-            for (long k = 0; k < entries; ++k) collected.pack[k * kLanes + collected.count] = pack[k * kLanes + lane];
-            collected.largest[collected.count] = check.largest[lane];
-            collected.source[collected.count] = first + lane;
-            if (++collected.count < kLanes) continue;
-            const long result = flush(collected, packed, n, mode, scratch);
+    for (long pack = 0; pack * kLanes < lanes; ++pack) {
+        const d8_unaligned* const a = reinterpret_cast<const d8_unaligned*>(packed + pack * entries * kLanes);
+        const unsigned valid = lanes - pack * kLanes < kLanes ? (1u << (lanes - pack * kLanes)) - 1 : 255u;
+        const Check check = check_pack(a, n, reinterpret_cast<d8*>(scratch));
+        // Near the ends of the number range the factorisation overflows; there the eigenvalues decide, after scaling.
+        const l8 safe = (check.sum < 1e290) & ((check.sum > 1e-290) | (check.sum == 0.0));
+        unsigned failed = bits_of(~(check.passed & safe)) & valid;
+        if (failed == 0) continue;
+        if (bits_of(~(check.sum < DBL_MAX)) & valid) {
+            const unsigned not_finite = not_finite_lanes(a, entries) & valid;
+            if (not_finite != 0) return -(1 + pack * kLanes + __builtin_ctz(not_finite));
+        }
+        if (mode == kLeave) continue;
+        while (failed != 0) {
+            failed = collect(packed, pack, entries, failed, check.sum, &collected);
+            if (collected.count < kCollected) continue;
+            const long result = flush(&collected, packed, n, mode, scratch);
             if (result < 0) return result;
             changed += result;
         }
     }
     if (collected.count == 0) return changed;
-    const long result = flush(collected, packed, n, mode, scratch);
+    const long result = flush(&collected, packed, n, mode, scratch);
     return result < 0 ? result : changed + result;
 }
 
@@ -350,7 +228,7 @@ extern "C" {
 
 // Projects `lanes` symmetric matrices in place. Eight are interleaved in a pack: packed[k * 8 + lane] is entry k of the
 // upper triangle, row by row; packs follow each other, and the last may be partly filled. Give many packs at once where
-// possible: only matrices that need it are decomposed, and eight of those cost as much as one.
+// possible: only matrices that need it are decomposed, and sixteen of those cost hardly more than one.
 // mode: 0 = negative eigenvalues become 0, 1 = their absolute value, 2 = nothing is changed. A matrix that is
 // semidefinite up to rounding keeps every bit.
 // Returns the number of matrices changed; -(1 + lane) for a matrix with an entry that is not finite (or whose
@@ -359,13 +237,14 @@ extern "C" {
 long yasps_project(double* packed, int width, int lanes, int mode) {
     using namespace yasps;
     if (width <= 0) return 0;
-    const long size = scratch_size(width) + static_cast<long>(width) * (width + 1) / 2;
-    if (width <= kStackWidth) {
-        void* const memory = __builtin_alloca_with_align(static_cast<size_t>(size) * sizeof(d8), 8 * sizeof(d8));
-        return project(packed, width, lanes, static_cast<Mode>(mode), static_cast<d8*>(memory));
+    const long entries = static_cast<long>(width) * (width + 1) / 2;
+    const long size = negative_part_scratch(width) + (entries + 1) * kStride;
+    if (size * static_cast<long>(sizeof(double)) <= kLargestStack) {
+        void* const memory = __builtin_alloca_with_align(static_cast<size_t>(size) * sizeof(double), 8 * sizeof(d8));
+        return project(packed, width, lanes, static_cast<Mode>(mode), static_cast<double*>(memory));
     }
     Buffer<double> buffer;
-    if (!buffer.reserve(size * kLanes)) return INT64_MIN;
-    return project(packed, width, lanes, static_cast<Mode>(mode), reinterpret_cast<d8*>(buffer.data));
+    if (!buffer.reserve(size)) return INT64_MIN;
+    return project(packed, width, lanes, static_cast<Mode>(mode), buffer.data);
 }
 }

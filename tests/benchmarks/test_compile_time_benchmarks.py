@@ -13,7 +13,7 @@ import pytest
 from benchmarks import codegrowth, opcounts, symbolic
 from benchmarks.__main__ import main
 from benchmarks.codegrowth import affine, cage, free, growth, lever
-from benchmarks.element_problem import box_of_tets, tets_scene
+from benchmarks.element_problem import box_of_tets, elements_scene
 from benchmarks.energies import ENERGIES
 from yasps.backend.interpreter import Interpreter
 
@@ -104,7 +104,7 @@ def test_counts_without_sympy(
 
 
 def test_every_stage_is_timed() -> None:
-    seconds = symbolic.stages(tets_scene(box_of_tets(6), 1).scene)
+    seconds = symbolic.stages(elements_scene(box_of_tets(6), 1).scene)
     assert next(iter(seconds)) == "frontend"
     assert {"differentiate", "project-psd", "lower-to-scalar", "outline-modules"} <= set(seconds)
     assert all(value >= 0 for value in seconds.values())

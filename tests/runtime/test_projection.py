@@ -85,6 +85,34 @@ def mixed(rng: np.random.Generator, n: int, w: int) -> Matrices:
     return a
 
 
+def tiny_couplings(rng: np.random.Generator, n: int, w: int) -> Matrices:
+    """Tridiagonal, with off-diagonal entries about the size that counts as zero."""
+    a = np.eye(w) * rng.standard_normal((n, 1, w))
+    couplings = rng.standard_normal((n, w - 1)) * 10.0 ** rng.uniform(-20, -13, (n, w - 1))
+    steps = np.arange(w - 1)
+    a[:, steps, steps + 1] = a[:, steps + 1, steps] = couplings
+    return a
+
+
+def decoupled(rng: np.random.Generator, n: int, w: int) -> Matrices:
+    """Blocks that have nothing to do with each other: some sizes zero, all rows and columns shuffled."""
+    a = random_symmetric(rng, n, w)
+    block = rng.integers(0, 3, (n, w))
+    a *= block[:, :, None] == block[:, None, :]
+    return a * (block[:, :, None] > 0)
+
+
+def nearly_equal_eigenvalues(rng: np.random.Generator, n: int, w: int) -> Matrices:
+    """Wilkinson's matrix, shifted: its eigenvalues come in pairs that agree to many digits."""
+    half = (w - 1) / 2
+    a = np.diag(np.abs(np.arange(w) - half)) + np.eye(w, k=1) + np.eye(w, k=-1)
+    return a - rng.uniform(0, half + 1, (n, 1, 1)) * np.eye(w)
+
+
+def zero_diagonal(rng: np.random.Generator, n: int, w: int) -> Matrices:
+    return random_symmetric(rng, n, w) * (1 - np.eye(w))
+
+
 KINDS: list[Callable[[np.random.Generator, int, int], Matrices]] = [
     random_symmetric,
     rank_deficient,
@@ -93,6 +121,10 @@ KINDS: list[Callable[[np.random.Generator, int, int], Matrices]] = [
     wide_range,
     graded_diagonal,
     mixed,
+    tiny_couplings,
+    decoupled,
+    nearly_equal_eigenvalues,
+    zero_diagonal,
 ]
 
 
@@ -114,6 +146,44 @@ def test_agrees_with_numpy(runtime: Runtime, kind: Callable[..., Matrices], mode
         assert changed <= (smallest < 0).sum()
         assert changed >= (smallest < -1e-11 * norms).sum()
         assert (np.linalg.eigvalsh(result)[:, 0] > -2e-13 * np.sqrt(width) * norms).all()
+
+
+@pytest.mark.parametrize("width", [1, 2, 3, 6, 9, 12, 14, 24])
+@pytest.mark.parametrize("share", [0.02, 0.1, 0.4, 0.9])
+def test_many_packs_of_which_some_matrices_fail(runtime: Runtime, width: int, share: float) -> None:
+    """Those that fail are gathered from all packs, and come back to where they were."""
+    rng = np.random.default_rng(width)
+    count = 203
+    matrices = with_eigenvalues(rng, rng.uniform(0.5, 1, (count, width)))
+    failing = rng.random(count) < share
+    matrices[failing] -= rng.uniform(0.6, 2, (failing.sum(), 1, 1)) * np.eye(width)
+    failing = np.linalg.eigvalsh(matrices)[:, 0] < 0
+    packed = pack(matrices)
+    assert runtime.project(packed, count) == failing.sum()
+    result = unpack(packed, count)
+    np.testing.assert_array_equal(result[~failing], matrices[~failing])
+    np.testing.assert_allclose(result, reference(matrices, Projection.CLAMP), rtol=0, atol=5e-15 * np.sqrt(width))
+    assert np.isnan(packed[-1, :, count % LANES :]).all(), "what lies behind the last matrix is left alone"
+
+
+@pytest.mark.parametrize("width", [4, 6])
+def test_repeated_eigenvalues_are_always_found(runtime: Runtime, width: int) -> None:
+    """Rounding must not keep an off-diagonal entry above what counts as zero; it did in one of 5,000 matrices."""
+    matrices = repeated(np.random.default_rng(width), 20_000, width)
+    packed = pack(matrices)
+    assert runtime.project(packed, len(matrices)) > 0
+    error = np.abs(unpack(packed, len(matrices)) - reference(matrices, Projection.CLAMP))
+    assert error.max() < 1e-14
+
+
+def test_any_number_of_failing_matrices(runtime: Runtime) -> None:
+    rng = np.random.default_rng(3)
+    matrices = random_symmetric(rng, 50, 4) - 9 * np.eye(4)
+    expected = reference(matrices, Projection.ABS)
+    for count in range(51):
+        packed = pack(matrices[:count])
+        assert runtime.project(packed, count, Projection.ABS) == count
+        np.testing.assert_allclose(unpack(packed, count), expected[:count], rtol=0, atol=1e-13)
 
 
 @pytest.mark.parametrize("width", [1, 3, 9, 12, 24, 31])
@@ -175,6 +245,25 @@ def test_not_finite_is_reported(runtime: Runtime, bad: float, mode: Projection, 
     matrices[17, 0, 0] = bad
     assert runtime.project(pack(matrices), 19, mode) == -(1 + 13)
     assert runtime.project(pack(matrices), 13, mode) == 0, "what lies behind the last matrix is not looked at"
+
+
+@pytest.mark.parametrize("mode", list(Projection))
+def test_not_finite_is_reported_among_matrices_that_fail(runtime: Runtime, mode: Projection) -> None:
+    rng = np.random.default_rng(5)
+    matrices = random_symmetric(rng, 60, 6)
+    for lane in (0, 7, 8, 22, 59):
+        spoilt = matrices.copy()
+        spoilt[lane, 2, 4] = spoilt[lane, 4, 2] = np.nan
+        assert runtime.project(pack(spoilt), 60, mode) == -(1 + lane)
+
+
+def test_entries_whose_sum_overflows_are_finite(runtime: Runtime) -> None:
+    matrices = np.tile(np.full((6, 6), 1.5e308), (8, 1, 1))
+    matrices[1:] *= np.array([1, -1] * 3)[:, None] * np.array([1, -1] * 3)
+    packed = pack(matrices)
+    before = packed.copy()
+    assert runtime.project(packed, 8) == 0
+    assert packed.tobytes() == before.tobytes()
 
 
 def test_leave_changes_nothing(runtime: Runtime) -> None:

@@ -1,0 +1,167 @@
+"""Memory that assembly and solution need beyond matrix, vectors and indices, for each tet and each contact pair.
+
+Measured in processes of their own: `python -m benchmarks.memory KIND SIZE THREADS` prints one measurement.
+"""
+
+from __future__ import annotations
+
+import gc
+import json
+import subprocess
+import sys
+from collections.abc import Callable
+from dataclasses import asdict, dataclass
+from pathlib import Path
+
+from benchmarks.contact_problem import close_pairs, union_scene
+from benchmarks.element_problem import box_of_tets, elements_scene
+from benchmarks.measure import Report, Row, Settings
+from yasps.frontend.scene import Scene
+
+DESCRIPTION = "peak memory for each tet and contact pair beyond matrix, vectors and indices, bytes"
+DEFAULT_SIZE = 200_000
+SMALLER = 4  # the second size is so many times smaller
+NOISE = 0.2  # in cells; some tets need projection
+VECTORS = 7  # gradient, solution, and five of the conjugate gradients
+STATUS = Path("/proc/self/status")
+CLEAR_PEAK = Path("/proc/self/clear_refs")
+NOTES = (
+    "Slopes between two sizes, each in a process of its own: what does not grow is not in them. The peak is the "
+    "kernel's VmHWM, reset once scene and machine code are there, less VmRSS at that time.",
+    "indices: kappa and PositionInData. matrix: values, and 8 bytes a block for row and column. vectors: gradient, "
+    f"solution and {VECTORS - 2} of the conjugate gradients, and an inverted diagonal block for each vertex.",
+    "peak of structure / with assembly / with solution: highest so far after each, in this order. extra: the last less "
+    "indices, matrix and vectors; with several threads it holds a private copy of the matrix and gradient for each.",
+    "tets: stable Neo-Hookean, a box. contact pairs: point-triangle over free vertices and an affine body.",
+)
+
+
+class UnsupportedSystemError(RuntimeError):
+    """This system does not tell a process its peak memory as Linux does."""
+
+
+@dataclass(frozen=True)
+class Measurement:
+    """Bytes, but for count."""
+
+    count: int
+    indices: int
+    matrix: int
+    vectors: int
+    structure_peak: int
+    assembly_peak: int
+    solver_peak: int
+
+
+def tets(size: int, threads: int) -> Scene:
+    """A box of tets, deformed."""
+    elements = box_of_tets(size)
+    made = elements_scene(elements, threads)
+    made.position.update_value(elements.deformed(NOISE))
+    return made.scene
+
+
+def contact_pairs(size: int, threads: int) -> Scene:
+    """Two sheets of cloth, the upper one an affine body."""
+    return union_scene(close_pairs("point_triangle", size), threads)
+
+
+KINDS: dict[str, Callable[[int, int], Scene]] = {"tet": tets, "pair": contact_pairs}
+
+
+def measure_here(kind: str, size: int, threads: int) -> Measurement:
+    """In this process, which must not have done such a thing before. Raises UnsupportedSystemError."""
+    compiled = KINDS[kind](size, threads).compile()
+    compiled.bind()
+    gc.collect()
+    _reset_peak()
+    before = _status("VmRSS")
+    compiled.update_structure()
+    structure = _status("VmHWM") - before
+    gradient = compiled.assemble()
+    assembly = _status("VmHWM") - before
+    # As far as it gets: without inertia the matrix is singular.
+    compiled.solve_linear(gradient, 0.0, 3)
+    solver = _status("VmHWM") - before
+    (term,) = compiled._terms
+    assert term.kappas is not None
+    assert term.positions is not None
+    matrix = compiled.static_matrix
+    diagonal = int((compiled.static_matrix.block_size_at.astype(int) ** 2).sum()) * 8
+    return Measurement(
+        term.count,
+        term.kappas.nbytes + term.positions.nbytes,
+        matrix.values.nbytes + 8 * matrix.block_count,
+        8 * VECTORS * matrix.size + diagonal,
+        structure,
+        assembly,
+        solver,
+    )
+
+
+def _status(name: str) -> int:
+    """Bytes of this entry of the process' status."""
+    for line in STATUS.read_text(encoding="ascii").splitlines():
+        if line.startswith(f"{name}:"):
+            return 1024 * int(line.split()[1])
+    raise UnsupportedSystemError(f"{STATUS} has no {name}")
+
+
+def _reset_peak() -> None:
+    try:
+        CLEAR_PEAK.write_text("5", encoding="ascii")
+    except OSError as error:
+        raise UnsupportedSystemError(f"the peak memory cannot be reset here: {error}") from error
+
+
+def measure_apart(kind: str, size: int, threads: int) -> Measurement:
+    """In a new process. Raises UnsupportedSystemError."""
+    if not STATUS.exists():
+        raise UnsupportedSystemError(f"there is no {STATUS}: this benchmark needs Linux")
+    command = [sys.executable, "-m", "benchmarks.memory", kind, str(size), str(threads)]
+    top = Path(__file__).parents[1]
+    result = subprocess.run(command, capture_output=True, text=True, check=False, cwd=top)
+    if result.returncode != 0:
+        raise UnsupportedSystemError(f"`{' '.join(command)}` failed:\n{result.stderr}")
+    return Measurement(**json.loads(result.stdout))
+
+
+def run(settings: Settings) -> Report:
+    """Measures tets and pairs at two sizes. Raises UnsupportedSystemError."""
+    rows: list[Row] = []
+    for kind in KINDS:
+        for threads in sorted({1, settings.threads}):
+            measure_apart(kind, settings.size // SMALLER, threads)  # fills the cache of compiled code
+            small = measure_apart(kind, settings.size // SMALLER, threads)
+            large = measure_apart(kind, settings.size, threads)
+            rows += slopes(kind, threads, small, large)
+    sizes = f"about {settings.size // SMALLER:,} and {settings.size:,} tets or pairs"
+    return Report(rows, [sizes, *NOTES])
+
+
+def slopes(kind: str, threads: int, small: Measurement, large: Measurement) -> list[Row]:
+    """Bytes for each further tet or pair."""
+    more = large.count - small.count
+    slope = {name: (value - asdict(small)[name]) / more for name, value in asdict(large).items() if name != "count"}
+    extra = slope["solver_peak"] - slope["indices"] - slope["matrix"] - slope["vectors"]
+    named = {
+        "indices": slope["indices"],
+        "matrix": slope["matrix"],
+        "vectors": slope["vectors"],
+        "peak of structure": slope["structure_peak"],
+        "peak with assembly": slope["assembly_peak"],
+        "peak with solution": slope["solver_peak"],
+        "extra": extra,
+    }
+    return [Row(f"{kind}: {name}", "yasps", threads, value, f"B/{kind}") for name, value in named.items()]
+
+
+def main(arguments: list[str]) -> int:
+    """One measurement, as JSON on the standard output."""
+    kind, size, threads = arguments
+    print(json.dumps(asdict(measure_here(kind, int(size), int(threads)))))
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))

@@ -1,0 +1,159 @@
+// Eight or sixteen numbers, one of each matrix of a group, that are computed together.
+//
+// Eight and Sixteen are one register or pairs of pairs of registers, whatever the processor has: g++ splits wider
+// vector types itself, but does their selects and roots one number at a time.
+#pragma once
+
+namespace yasps {
+
+#if defined(__AVX512F__)
+constexpr int kRegister = 64;
+#elif defined(__AVX__)
+constexpr int kRegister = 32;
+#else
+constexpr int kRegister = 16;
+#endif
+typedef double Register __attribute__((vector_size(kRegister)));
+typedef long RegisterMask __attribute__((vector_size(kRegister)));
+constexpr int kRegisterLanes = kRegister / 8;
+
+// Two vectors, or two masks.
+template <class T>
+struct Pair {
+    T first, second;
+};
+template <class T>
+inline Pair<T> pair(T first, T second) {
+    return {first, second};
+}
+template <int kBytes>
+struct OfSize {
+    typedef Pair<typename OfSize<kBytes / 2>::type> type;
+};
+template <>
+struct OfSize<kRegister> {
+    typedef Register type;
+};
+typedef OfSize<64>::type Eight;
+typedef OfSize<128>::type Sixteen;
+
+// Applies f to every register of v.
+template <class F, class... T>
+inline auto each(F f, T... v) {
+    return f(v...);
+}
+template <class F, class... T>
+inline auto each(F f, Pair<T>... v) {
+    return pair(each(f, v.first...), each(f, v.second...));
+}
+template <class T>
+inline Pair<T> operator+(Pair<T> a, Pair<T> b) {
+    return {a.first + b.first, a.second + b.second};
+}
+template <class T>
+inline Pair<T> operator-(Pair<T> a, Pair<T> b) {
+    return {a.first - b.first, a.second - b.second};
+}
+template <class T>
+inline Pair<T> operator*(Pair<T> a, Pair<T> b) {
+    return {a.first * b.first, a.second * b.second};
+}
+template <class T>
+inline Pair<T> operator*(Pair<T> a, double b) {
+    return {a.first * b, a.second * b};
+}
+template <class T>
+inline Pair<T> operator&(Pair<T> a, Pair<T> b) {
+    return {a.first & b.first, a.second & b.second};
+}
+template <class T>
+inline Pair<T> operator|(Pair<T> a, Pair<T> b) {
+    return {a.first | b.first, a.second | b.second};
+}
+
+template <class V>
+inline auto less(V a, V b) {
+    return each([](Register x, Register y) { return RegisterMask(x < y); }, a, b);
+}
+template <class V>
+using Mask = decltype(less(V{}, V{}));
+
+template <class M, class T>
+inline T select(M mask, T yes, T no) {
+    return each([](RegisterMask m, auto a, auto b) { return m ? a : b; }, mask, yes, no);
+}
+template <class V>
+inline V constant(double value) {
+    return each([value](Register zero) { return zero + value; }, V{});
+}
+template <class V>
+inline V magnitude(V v) {
+    return each([](Register x) { return Register(RegisterMask(x) & INT64_MAX); }, v);
+}
+// The size of v with the sign of `sign`.
+template <class V>
+inline V with_sign(V v, V sign) {
+    return each(
+        [](Register x, Register s) { return Register((RegisterMask(x) & INT64_MAX) | (RegisterMask(s) & INT64_MIN)); },
+        v, sign);
+}
+template <class V>
+inline V maximum(V a, V b) {
+    return select(less(b, a), a, b);
+}
+template <class V>
+inline V inverse(V v) {
+    return each([](Register x) { return 1.0 / x; }, v);
+}
+template <class V>
+inline V square_root(V v) {
+    return each(
+        [](Register x) {
+            Register root;
+            for (int lane = 0; lane < kRegisterLanes; ++lane) root[lane] = sqrt(x[lane]);
+            return root;
+        },
+        v);
+}
+inline long largest_of(RegisterMask v) {
+    long largest = v[0];
+    for (int lane = 1; lane < kRegisterLanes; ++lane) largest = v[lane] > largest ? v[lane] : largest;
+    return largest;
+}
+template <class M>
+inline long largest_of(Pair<M> v) {
+    return largest_of(each([](RegisterMask a, RegisterMask b) { return a > b ? a : b; }, v.first, v.second));
+}
+inline bool any(RegisterMask mask) {
+    long found = 0;
+    for (int lane = 0; lane < kRegisterLanes; ++lane) found |= mask[lane];
+    return found != 0;
+}
+template <class M>
+inline bool any(Pair<M> mask) {
+    return any(each([](RegisterMask a, RegisterMask b) { return a | b; }, mask.first, mask.second));
+}
+// One bit a lane.
+inline unsigned bits_of(RegisterMask mask) {
+    unsigned bits = 0;
+    for (int lane = 0; lane < kRegisterLanes; ++lane) bits |= static_cast<unsigned>(mask[lane] & 1) << lane;
+    return bits;
+}
+template <class M>
+inline unsigned bits_of(Pair<M> mask) {
+    return bits_of(mask.first) | bits_of(mask.second) << (sizeof(M) / 8);
+}
+inline void load_lanes(const double* from, Register* to) { *to = *reinterpret_cast<const Register*>(from); }
+template <class T>
+inline void load_lanes(const double* from, Pair<T>* to) {
+    load_lanes(from, &to->first);
+    load_lanes(from + sizeof(T) / 8, &to->second);
+}
+inline void store_lanes(double* to, Register v) { *reinterpret_cast<Register*>(to) = v; }
+template <class T>
+inline void store_lanes(double* to, Pair<T> v) {
+    store_lanes(to, v.first);
+    store_lanes(to + sizeof(T) / 8, v.second);
+}
+
+}  // namespace yasps
