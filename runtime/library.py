@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import ctypes
 import os
+import re
 from dataclasses import dataclass
 from enum import IntEnum
 from pathlib import Path
@@ -29,12 +30,15 @@ from yasps.runtime.toolchain import (
 #: Instances a generated kernel evaluates at once.
 LANES = 8
 
+#: Pieces that work is cut into for results that do not depend on the number of threads; more threads have no work.
+DETERMINISTIC_PIECES = 16
+
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int32]
 LongArray = NDArray[np.int64]
 
 _OUT_OF_MEMORY = 1
-_INCLUDE = '#include "runtime.h"\n'
+_INCLUDE = re.compile(r'#include "(\w+\.h)"\n')
 
 _pointer = ctypes.c_void_p
 _long = ctypes.c_long
@@ -47,14 +51,28 @@ _SIGNATURES: dict[str, tuple[type | None, tuple[type, ...]]] = {
     "yasps_structure_free": (None, (_pointer,)),
     "yasps_structure_build": (
         _int,
-        (_pointer, _long, _pointer, _pointer, _long, _pointer, _pointer, _pointer, _pointer, _int, _int, _pointer),
+        (
+            _pointer,
+            _long,
+            _pointer,
+            _pointer,
+            _pointer,
+            _long,
+            _pointer,
+            _pointer,
+            _pointer,
+            _pointer,
+            _int,
+            _int,
+            _pointer,
+        ),
     ),
     "yasps_structure_sizes": (None, (_pointer, _pointer)),
     "yasps_structure_groups": (None, (_pointer, _pointer)),
     "yasps_structure_coordinates": (None, (_pointer, _pointer, _pointer)),
     "yasps_workspace_new": (_pointer, ()),
     "yasps_workspace_free": (None, (_pointer,)),
-    "yasps_multiply": (_int, (_pointer, _pointer, _pointer, _pointer, _pointer, _int)),
+    "yasps_multiply": (_int, (_pointer, _pointer, _pointer, _pointer, _pointer, _int, _int)),
     "yasps_solve": (
         _int,
         (
@@ -69,6 +87,7 @@ _SIGNATURES: dict[str, tuple[type | None, tuple[type, ...]]] = {
             _long,
             _pointer,
             _int,
+            _int,
             _pointer,
         ),
     ),
@@ -76,11 +95,13 @@ _SIGNATURES: dict[str, tuple[type | None, tuple[type, ...]]] = {
     "yasps_assembly_free": (None, (_pointer,)),
     "yasps_assemble": (
         _int,
-        (_pointer, _pointer, _long, _pointer, _long, _pointer, _long, _pointer, _int),
+        (_pointer, _pointer, _long, _pointer, _long, _pointer, _long, _pointer, _long, _long, _int),
     ),
+    "yasps_mark_tiles": (None, (_pointer, _pointer, _long, _pointer, _long, _long, _pointer, _int)),
     "yasps_evaluate": (None, (_pointer, _pointer, _long, _pointer, _int)),
     "yasps_sum": (_double, (_pointer, _long)),
     "yasps_project": (_long, (_pointer, _int, _int, _int)),
+    "yasps_project_isotropic": (_long, (_pointer, _pointer, _int, _int, _int)),
 }
 
 
@@ -134,20 +155,46 @@ class Runtime:
         matrix with an entry that is not finite; those before it may then be projected already. Raises ValueError for a
         wrong shape, MemoryError.
         """
-        shape = packed.shape
-        width = int((np.sqrt(8 * shape[1] + 1) - 1) / 2) if packed.ndim == 3 else 0
-        if packed.ndim != 3 or shape[1:] != (width * (width + 1) // 2, LANES):
-            raise ValueError(
-                f"packed has shape {shape}; upper triangles of width w need shape (packs, w (w + 1) / 2, {LANES})"
-            )
-        if packed.dtype != np.float64 or not packed.flags.c_contiguous or not packed.flags.writeable:
-            raise ValueError("packed must be a writeable C-contiguous float64 array, because it is changed in place")
-        if not 0 <= lanes <= shape[0] * LANES:
-            raise ValueError(f"lanes is {lanes}; {shape[0]} packs hold between 0 and {shape[0] * LANES} matrices")
+        width = _width_of(packed, lanes)
         changed = int(self.library.yasps_project(packed.ctypes.data, width, lanes, int(mode)))
         if changed < -packed.size:
             raise MemoryError(f"no memory to project matrices of width {width}")
         return changed
+
+    def project_isotropic(
+        self, packed: FloatArray, deformation: FloatArray, lanes: int, mode: Projection = Projection.CLAMP
+    ) -> int:
+        """As `project`, faster, for Hessians with respect to F of energies that see only the singular values of F.
+
+        deformation: float64 [packs, w, 8], C-contiguous: F, row by row, 3x3 for w = 9 and 3x2 for w = 6. Raises
+        ValueError for a wrong shape.
+        """
+        width = _width_of(packed, lanes)
+        if width not in (6, 9) or deformation.shape != (len(packed), width, LANES):
+            raise ValueError(
+                f"deformation has shape {deformation.shape}, packed {packed.shape}; needed are (packs, w, {LANES}) and "
+                f"(packs, w (w + 1) / 2, {LANES}) with w = 9 (3x3) or 6 (3x2)"
+            )
+        if deformation.dtype != np.float64 or not deformation.flags.c_contiguous:
+            raise ValueError("deformation must be a C-contiguous float64 array")
+        return int(
+            self.library.yasps_project_isotropic(packed.ctypes.data, deformation.ctypes.data, width, lanes, int(mode))
+        )
+
+
+def _width_of(packed: FloatArray, lanes: int) -> int:
+    """Width of the packed matrices; ValueError unless they can be projected in place."""
+    shape = packed.shape
+    width = int((np.sqrt(8 * shape[1] + 1) - 1) / 2) if packed.ndim == 3 else 0
+    if packed.ndim != 3 or shape[1:] != (width * (width + 1) // 2, LANES):
+        raise ValueError(
+            f"packed has shape {shape}; upper triangles of width w need shape (packs, w (w + 1) / 2, {LANES})"
+        )
+    if packed.dtype != np.float64 or not packed.flags.c_contiguous or not packed.flags.writeable:
+        raise ValueError("packed must be a writeable C-contiguous float64 array, because it is changed in place")
+    if not 0 <= lanes <= shape[0] * LANES:
+        raise ValueError(f"lanes is {lanes}; {shape[0]} packs hold between 0 and {shape[0] * LANES} matrices")
+    return width
 
 
 def load_runtime(compiler: Compiler, threads: int | None = None) -> Runtime:
@@ -174,22 +221,33 @@ def load_runtime(compiler: Compiler, threads: int | None = None) -> Runtime:
 
 
 def runtime_sources() -> list[Source]:
-    """The C++ files of the runtime, each with the common header in place of its #include.
+    """The C++ files of the runtime, each with the runtime's headers in place of their #include.
 
-    So each text is complete and its digest changes whenever the header does.
+    So each text is complete and its digest changes whenever a header does.
     """
     folder = Path(__file__).parent
-    header = (folder / "runtime.h").read_text(encoding="utf-8").replace("#pragma once\n", "")
-    sources = []
-    for path in sorted(folder.glob("*.cpp")):
-        text = path.read_text(encoding="utf-8")
-        before, include, after = text.partition(_INCLUDE)
-        if not include:
-            raise RuntimeError(f"{path} does not include runtime.h, which every file of the runtime must")
-        resume = before.count("\n") + 2
-        text = f'{before}#line 1 "runtime.h"\n{header}#line {resume} "{path.name}"\n{after}'
-        sources.append(Source(f"runtime.{path.stem}", text))
-    return sources
+    return [Source(f"runtime.{path.stem}", _with_headers(path)) for path in sorted(folder.glob("*.cpp"))]
+
+
+def _with_headers(path: Path) -> str:
+    """The text of a file with the headers it includes, and those they include, each once."""
+    if '#include "runtime.h"\n' not in path.read_text(encoding="utf-8"):
+        raise RuntimeError(f"{path} does not include runtime.h, which every file of the runtime must")
+    inserted: set[str] = set()
+
+    def complete(file: Path) -> str:
+        text = file.read_text(encoding="utf-8")
+
+        def header(include: re.Match[str]) -> str:
+            if include[1] in inserted:
+                return "\n"
+            inserted.add(include[1])
+            resume = text.count("\n", 0, include.end()) + 1
+            return f'#line 1 "{include[1]}"\n{complete(path.parent / include[1])}#line {resume} "{file.name}"\n'
+
+        return _INCLUDE.sub(header, text).replace("#pragma once\n", "\n")
+
+    return complete(path)
 
 
 def available_processors() -> int:
@@ -203,6 +261,14 @@ def check_status(status: int) -> None:
     """Raise MemoryError when a runtime function reported that memory ran out."""
     if status == _OUT_OF_MEMORY:
         raise MemoryError("the solver runtime ran out of memory")
+
+
+def piece_count(threads: int, deterministic: bool) -> int:
+    """Into how many pieces to cut work whose parts are added in order.
+
+    One for each thread is fastest; a number that does not depend on the threads gives the same bits for any of them.
+    """
+    return DETERMINISTIC_PIECES if deterministic else threads
 
 
 def as_vector(values: FloatArray, length: int, name: str) -> FloatArray:

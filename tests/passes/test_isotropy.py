@@ -8,11 +8,15 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 from small_scenes import dense_assembly, emit, mixed_union, soft_tets
+from xdsl.dialects.builtin import StringAttr
+from xdsl.ir import Block
+from xdsl.utils.exceptions import VerifyException
 
 from yasps import Attribute, Scene, concat_rows, identity, select
 from yasps.backend.interpreter import Interpreter
+from yasps.dialects.mat import ShapeError, matrix_type
 from yasps.dialects.mat.calculus import ProjectPsdOp
-from yasps.dialects.rel import AttributeOp, DerivativeOp, EnergyOp, ProjectOp, name_of
+from yasps.dialects.rel import AttributeOp, DerivativeOp, EnergyOp, ProjectOp, name_of, packed_size
 from yasps.frontend import materials
 from yasps.passes.differentiate import Differentiate
 from yasps.passes.inline_references import InlineReferences
@@ -269,3 +273,28 @@ def test_an_energy_that_the_derivative_is_not_of() -> None:
     bodies[0].add_region(body)
     ProveIsotropy().apply(make_context(), emitted)
     assert all(len(op.operands) == 1 for op in emitted.walk() if isinstance(op, ProjectPsdOp))
+
+
+@pytest.mark.parametrize(
+    ("matrix", "second"), [((3, 3), (1, 3)), ((9, 9), (3, 2)), ((6, 6), (3, 3)), ((9, 9), (1, 1)), ((4, 4), (2, 2))]
+)
+def test_shapes_of_a_projection(matrix: tuple[int, int], second: tuple[int, int]) -> None:
+    wrong = "a 9x9 matrix can be isotropic in 9 entries and a 6x6 in 6, got"
+    with pytest.raises(ShapeError, match=wrong):
+        ProjectPsdOp.infer([matrix, second], {"mode": StringAttr("clamp")})
+    with pytest.raises(ShapeError, match="got 3 operands"):
+        ProjectPsdOp.infer([matrix] * 3, {"mode": StringAttr("clamp")})
+    width = matrix[0]
+    block = Block(arg_types=[matrix_type((packed_size(width), 1)), matrix_type(second)])
+    with pytest.raises(VerifyException, match=wrong):
+        ProjectOp(block.args[0], width, "clamp", block.args[1]).verify()
+
+
+def test_the_second_operand_does_not_change_what_a_projection_means() -> None:
+    random = np.random.default_rng(0)
+    half = random.standard_normal((4, 9, 9))
+    block = Block(arg_types=[matrix_type((9, 9)), matrix_type((3, 3))])
+    one = ProjectPsdOp([block.args[0]], matrix_type((9, 9)), {"mode": StringAttr("abs")})
+    two = ProjectPsdOp([*block.args], matrix_type((9, 9)), {"mode": StringAttr("abs")})
+    symmetric = half + half.swapaxes(1, 2)
+    np.testing.assert_array_equal(one.evaluate(symmetric), two.evaluate(symmetric, np.zeros((4, 3, 3))))

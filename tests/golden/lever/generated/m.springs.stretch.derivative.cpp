@@ -2,7 +2,9 @@
 
 // backend/dense_prelude.h stands here
 
-extern "C" long yasps<m.tips.x.jacobian>_pull(Arguments, long, const double*, long, double*);
+// backend/expand_prelude.h stands here
+
+extern "C" long yasps<m.tips.x.jacobian>_pull(Arguments, long, const V*, long, V*);
 extern "C" long yasps<m.tips.x.jacobian>_curve(Arguments, long, const double*, double*, long);
 extern "C" void yasps<m.tips.x>_value(Arguments, long, double*);
 static inline void derive_pack(const V* x0, V* y0, V* y1) {
@@ -58,59 +60,48 @@ extern "C" long yasps<m.springs.stretch.derivative>_derive(Arguments a, long beg
                 const long i = first + l;
                 long at[3];
                 at[0] = 0;
-                at[1] = at[0] + yasps<m.tips.x.jacobian>_pull(p1, (long)p0[i * 2 + 0], (const double*)0, 0, (double*)0);
-                at[2] = at[1] + yasps<m.tips.x.jacobian>_pull(p1, (long)p0[i * 2 + 1], (const double*)0, 0, (double*)0);
+                at[1] = at[0] + yasps<m.tips.x.jacobian>_pull(p1, (long)p0[i * 2 + 0], (const V*)0, 0, (V*)0);
+                at[2] = at[1] + yasps<m.tips.x.jacobian>_pull(p1, (long)p0[i * 2 + 1], (const V*)0, 0, (V*)0);
                 const long n = at[2];
                 double local[4];
                 for (long k = 0; k < n * n; ++k) local[k] = 0.0;
+                double triangle[10];
+                for (long k = 0; k < 10; ++k) triangle[k] = middle[k][l];
+                V rows0[2], left0[1];
+                copy_rows_of_triangle(triangle, 4, 0, 2, (double*)rows0, 8);
+                const long height0 = yasps<m.tips.x.jacobian>_pull(p1, (long)p0[i * 2 + 0], rows0, 1, left0);
+                V rows1[2], left1[1];
+                copy_rows_of_triangle(triangle, 4, 2, 2, (double*)rows1, 8);
+                const long height1 = yasps<m.tips.x.jacobian>_pull(p1, (long)p0[i * 2 + 1], rows1, 1, left1);
                 {
-                    double b[4], left[2];
-                    double turned[2], both[1];
-                    for (long r = 0; r < 2; ++r)
-                        for (long c = 0; c < 2; ++c)
-                            b[r * 2 + c] = middle[packed(4, 0 + (r < c ? r : c), 0 + (r < c ? c : r))][l];
-                    const long height = yasps<m.tips.x.jacobian>_pull(p1, (long)p0[i * 2 + 0], b, 2, left);
-                    for (long r = 0; r < height; ++r)
-                        for (long c = 0; c < 2; ++c)
-                            turned[c * height + r] = left[r * 2 + c];
-                    const long across = yasps<m.tips.x.jacobian>_pull(p1, (long)p0[i * 2 + 0], turned, height, both);
-                    for (long r = 0; r < height; ++r)
-                        for (long c = 0; c < across; ++c) {
-                            local[(at[0] + r) * n + at[0] + c] += both[c * height + r];
-                        }
+                    V right[2], both[1];
+                    const long breadth = (height0 + 7) / 8, across = 8 * breadth;
+                    for (long r = 0; breadth && r < 2; ++r) right[(r + 1) * breadth - 1] = splat(0.0);
+                    long column = 0;
+                    copy_transposed((const double*)left0 + 0, 8, height0, 2, (double*)right + column, across);
+                    column += height0;
+                    const long height = yasps<m.tips.x.jacobian>_pull(p1, (long)p0[i * 2 + 0], right, breadth, both);
+                    const double* block = (const double*)both;
+                    add_to_dense_diagonal(local, n, at[0], height0, at[0], height, block, across);
+                    block += height0;
+                    (void)column, (void)block, (void)height;
                 }
                 {
-                    double b[4], left[2];
-                    double turned[2], both[1];
-                    for (long r = 0; r < 2; ++r)
-                        for (long c = 0; c < 2; ++c)
-                            b[r * 2 + c] = middle[packed(4, 0 + r, 2 + c)][l];
-                    const long height = yasps<m.tips.x.jacobian>_pull(p1, (long)p0[i * 2 + 0], b, 2, left);
-                    for (long r = 0; r < height; ++r)
-                        for (long c = 0; c < 2; ++c)
-                            turned[c * height + r] = left[r * 2 + c];
-                    const long across = yasps<m.tips.x.jacobian>_pull(p1, (long)p0[i * 2 + 1], turned, height, both);
-                    for (long r = 0; r < height; ++r)
-                        for (long c = 0; c < across; ++c) {
-                            local[(at[0] + r) * n + at[1] + c] += both[c * height + r];
-                            local[(at[1] + c) * n + at[0] + r] += both[c * height + r];
-                        }
-                }
-                {
-                    double b[4], left[2];
-                    double turned[2], both[1];
-                    for (long r = 0; r < 2; ++r)
-                        for (long c = 0; c < 2; ++c)
-                            b[r * 2 + c] = middle[packed(4, 2 + (r < c ? r : c), 2 + (r < c ? c : r))][l];
-                    const long height = yasps<m.tips.x.jacobian>_pull(p1, (long)p0[i * 2 + 1], b, 2, left);
-                    for (long r = 0; r < height; ++r)
-                        for (long c = 0; c < 2; ++c)
-                            turned[c * height + r] = left[r * 2 + c];
-                    const long across = yasps<m.tips.x.jacobian>_pull(p1, (long)p0[i * 2 + 1], turned, height, both);
-                    for (long r = 0; r < height; ++r)
-                        for (long c = 0; c < across; ++c) {
-                            local[(at[1] + r) * n + at[1] + c] += both[c * height + r];
-                        }
+                    V right[2], both[1];
+                    const long breadth = (height0 + height1 + 7) / 8, across = 8 * breadth;
+                    for (long r = 0; breadth && r < 2; ++r) right[(r + 1) * breadth - 1] = splat(0.0);
+                    long column = 0;
+                    copy_transposed((const double*)left0 + 2, 8, height0, 2, (double*)right + column, across);
+                    column += height0;
+                    copy_transposed((const double*)left1 + 0, 8, height1, 2, (double*)right + column, across);
+                    column += height1;
+                    const long height = yasps<m.tips.x.jacobian>_pull(p1, (long)p0[i * 2 + 1], right, breadth, both);
+                    const double* block = (const double*)both;
+                    add_to_dense(local, n, at[0], height0, at[1], height, block, across);
+                    block += height0;
+                    add_to_dense_diagonal(local, n, at[1], height1, at[1], height, block, across);
+                    block += height1;
+                    (void)column, (void)block, (void)height;
                 }
                 {
                     double v[2];
@@ -132,25 +123,25 @@ extern "C" long yasps<m.springs.stretch.derivative>_derive(Arguments a, long beg
             const long i = first + l;
             const int* const kappa = sink->kappa + i * 2;
             {
-                double b[2], rows[1];
-                for (long e = 0; e < 2; ++e) b[e] = gradient[0 + e][l];
+                V b[2], rows[1];  // one column; the others are not looked at
+                for (long e = 0; e < 2; ++e) b[e] = splat(gradient[0 + e][l]);
                 yasps<m.tips.x.jacobian>_pull(p1, (long)p0[i * 2 + 0], b, 1, rows);
-                const double* row = rows;
+                const V* row = rows;
                 for (long k = 0; k < 1; ++k) {
                     if (!kappa[k]) continue;
                     const long size = sink->block_size_at[kappa[k] - 1];
-                    for (long e = 0; e < size; ++e) sink->gradient[kappa[k] - 1 + e] += *row++;
+                    for (long e = 0; e < size; ++e) sink->gradient[kappa[k] - 1 + e] += (*row++)[0];
                 }
             }
             {
-                double b[2], rows[1];
-                for (long e = 0; e < 2; ++e) b[e] = gradient[2 + e][l];
+                V b[2], rows[1];  // one column; the others are not looked at
+                for (long e = 0; e < 2; ++e) b[e] = splat(gradient[2 + e][l]);
                 yasps<m.tips.x.jacobian>_pull(p1, (long)p0[i * 2 + 1], b, 1, rows);
-                const double* row = rows;
+                const V* row = rows;
                 for (long k = 1; k < 2; ++k) {
                     if (!kappa[k]) continue;
                     const long size = sink->block_size_at[kappa[k] - 1];
-                    for (long e = 0; e < size; ++e) sink->gradient[kappa[k] - 1 + e] += *row++;
+                    for (long e = 0; e < size; ++e) sink->gradient[kappa[k] - 1 + e] += (*row++)[0];
                 }
             }
             (void)i;

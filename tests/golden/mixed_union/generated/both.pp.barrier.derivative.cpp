@@ -1,5 +1,7 @@
 // backend/kernel_prelude.h stands here
 
+// backend/expand_prelude.h stands here
+
 #if defined(__AVX512F__)
 extern "C" V _ZGVeN8v_log(V a);
 static inline V v_log(V a) { return _ZGVeN8v_log(a); }
@@ -19,7 +21,7 @@ static inline V v_log(V a) {
 }
 #endif
 
-extern "C" long yasps<both.v.x>_pull(Arguments, long, const double*, long, double*);
+extern "C" long yasps<both.v.x>_pull(Arguments, long, const V*, long, V*);
 extern "C" void yasps<both.v.x>_value(Arguments, long, double*);
 static inline void pull_back_pack(const V* x0, V* y0) {
     const V t6 = -x0[0];
@@ -160,25 +162,25 @@ extern "C" long yasps<both.pp.barrier.derivative>_derive(Arguments a, long begin
                 const long i = first + l;
                 const int* const kappa = sink->kappa + i * 4;
                 {
-                    double b[3], rows[12];
-                    for (long e = 0; e < 3; ++e) b[e] = gradient[0 + e][l];
+                    V b[3], rows[12];  // one column; the others are not looked at
+                    for (long e = 0; e < 3; ++e) b[e] = splat(gradient[0 + e][l]);
                     yasps<both.v.x>_pull(p1, (long)p0[i * 2 + 0], b, 1, rows);
-                    const double* row = rows;
+                    const V* row = rows;
                     for (long k = 0; k < 2; ++k) {
                         if (!kappa[k]) continue;
                         const long size = sink->block_size_at[kappa[k] - 1];
-                        for (long e = 0; e < size; ++e) sink->gradient[kappa[k] - 1 + e] += *row++;
+                        for (long e = 0; e < size; ++e) sink->gradient[kappa[k] - 1 + e] += (*row++)[0];
                     }
                 }
                 {
-                    double b[3], rows[12];
-                    for (long e = 0; e < 3; ++e) b[e] = gradient[3 + e][l];
+                    V b[3], rows[12];  // one column; the others are not looked at
+                    for (long e = 0; e < 3; ++e) b[e] = splat(gradient[3 + e][l]);
                     yasps<both.v.x>_pull(p1, (long)p0[i * 2 + 1], b, 1, rows);
-                    const double* row = rows;
+                    const V* row = rows;
                     for (long k = 2; k < 4; ++k) {
                         if (!kappa[k]) continue;
                         const long size = sink->block_size_at[kappa[k] - 1];
-                        for (long e = 0; e < size; ++e) sink->gradient[kappa[k] - 1 + e] += *row++;
+                        for (long e = 0; e < size; ++e) sink->gradient[kappa[k] - 1 + e] += (*row++)[0];
                     }
                 }
                 (void)i;
@@ -194,110 +196,50 @@ extern "C" long yasps<both.pp.barrier.derivative>_derive(Arguments a, long begin
             prefetch_blocks(sink, first, 10, lanes);
             V hessian[21];
             pull_back_pack(middle, hessian);
+            V by_lane[8 * 3];
+            lane_by_lane(hessian, 21, by_lane, 3);
             for (long l = 0; l < lanes; ++l) {
                 const long i = first + l;
                 const int* const kappa = sink->kappa + i * 4;
                 const long* const position = sink->position + i * 10;
+                const double* const triangle = (const double*)(by_lane + l * 3);
+                V rows0[3], left0[12];
+                copy_rows_of_triangle(triangle, 6, 0, 3, (double*)rows0, 8);
+                const long height0 = yasps<both.v.x>_pull(p1, (long)p0[i * 2 + 0], rows0, 1, left0);
+                V rows1[3], left1[12];
+                copy_rows_of_triangle(triangle, 6, 3, 3, (double*)rows1, 8);
+                const long height1 = yasps<both.v.x>_pull(p1, (long)p0[i * 2 + 1], rows1, 1, left1);
                 {
-                    double b[9];
-                    for (long r = 0; r < 3; ++r)
-                        for (long c = r; c < 3; ++c)
-                            b[r * 3 + c] = hessian[packed(6, 0 + r, 0 + c)][l];
-                    for (long r = 1; r < 3; ++r)
-                        for (long c = 0; c < r; ++c) b[r * 3 + c] = b[c * 3 + r];
-                    double left[36], turned[36];
-                    double both[144], block[144];
-                    const long height = yasps<both.v.x>_pull(p1, (long)p0[i * 2 + 0], b, 3, left);
-                    if (height) {
-                        for (long r = 0; r < height; ++r)
-                            for (long c = 0; c < 3; ++c) turned[c * height + r] = left[r * 3 + c];
-                        yasps<both.v.x>_pull(p1, (long)p0[i * 2 + 0], turned, height, both);
-                        long row = 0;
-                        for (long p = 0; p < 2; ++p) {
-                            if (!kappa[p]) continue;
-                            const long rows = sink->block_size_at[kappa[p] - 1];
-                            long col = 0;
-                            for (long q = 0; q < 2; ++q) {
-                                if (!kappa[q]) continue;
-                                const long cols = sink->block_size_at[kappa[q] - 1];
-                                if (q >= p) {
-                                    for (long r = 0; r < rows; ++r)
-                                        for (long c = 0; c < cols; ++c)
-                                            block[r * cols + c] = both[(col + c) * height + row + r];
-                                    add_block(sink->blocks, position[p * 4 - p * (p - 1) / 2 + q - p], block, rows, cols);
-                                }
-                                col += cols;
-                            }
-                            row += rows;
-                        }
-                    }
+                    V right[6], both[24];
+                    const long breadth = (height0 + 7) / 8, across = 8 * breadth;
+                    for (long r = 0; breadth && r < 3; ++r) right[(r + 1) * breadth - 1] = splat(0.0);
+                    long column = 0;
+                    copy_transposed((const double*)left0 + 0, 8, height0, 3, (double*)right + column, across);
+                    column += height0;
+                    const long height = yasps<both.v.x>_pull(p1, (long)p0[i * 2 + 0], right, breadth, both);
+                    const double* block = (const double*)both;
+                    add_expanded(sink, kappa, position, 4, 0, 2, 0, 2, block, across);
+                    block += height0;
+                    (void)column, (void)block, (void)height;
                 }
                 {
-                    double b[9];
-                    for (long r = 0; r < 3; ++r)
-                        for (long c = 0; c < 3; ++c)
-                            b[r * 3 + c] = hessian[packed(6, 0 + r, 3 + c)][l];
-                    double left[36], turned[36];
-                    double both[144], block[144];
-                    const long height = yasps<both.v.x>_pull(p1, (long)p0[i * 2 + 0], b, 3, left);
-                    if (height) {
-                        for (long r = 0; r < height; ++r)
-                            for (long c = 0; c < 3; ++c) turned[c * height + r] = left[r * 3 + c];
-                        yasps<both.v.x>_pull(p1, (long)p0[i * 2 + 1], turned, height, both);
-                        long row = 0;
-                        for (long p = 0; p < 2; ++p) {
-                            if (!kappa[p]) continue;
-                            const long rows = sink->block_size_at[kappa[p] - 1];
-                            long col = 0;
-                            for (long q = 2; q < 4; ++q) {
-                                if (!kappa[q]) continue;
-                                const long cols = sink->block_size_at[kappa[q] - 1];
-                                {
-                                    for (long r = 0; r < rows; ++r)
-                                        for (long c = 0; c < cols; ++c)
-                                            block[r * cols + c] = both[(col + c) * height + row + r];
-                                    add_block(sink->blocks, position[p * 4 - p * (p - 1) / 2 + q - p], block, rows, cols);
-                                }
-                                col += cols;
-                            }
-                            row += rows;
-                        }
-                    }
+                    V right[9], both[36];
+                    const long breadth = (height0 + height1 + 7) / 8, across = 8 * breadth;
+                    for (long r = 0; breadth && r < 3; ++r) right[(r + 1) * breadth - 1] = splat(0.0);
+                    long column = 0;
+                    copy_transposed((const double*)left0 + 3, 8, height0, 3, (double*)right + column, across);
+                    column += height0;
+                    copy_transposed((const double*)left1 + 0, 8, height1, 3, (double*)right + column, across);
+                    column += height1;
+                    const long height = yasps<both.v.x>_pull(p1, (long)p0[i * 2 + 1], right, breadth, both);
+                    const double* block = (const double*)both;
+                    add_expanded(sink, kappa, position, 4, 0, 2, 2, 4, block, across);
+                    block += height0;
+                    add_expanded(sink, kappa, position, 4, 2, 4, 2, 4, block, across);
+                    block += height1;
+                    (void)column, (void)block, (void)height;
                 }
-                {
-                    double b[9];
-                    for (long r = 0; r < 3; ++r)
-                        for (long c = r; c < 3; ++c)
-                            b[r * 3 + c] = hessian[packed(6, 3 + r, 3 + c)][l];
-                    for (long r = 1; r < 3; ++r)
-                        for (long c = 0; c < r; ++c) b[r * 3 + c] = b[c * 3 + r];
-                    double left[36], turned[36];
-                    double both[144], block[144];
-                    const long height = yasps<both.v.x>_pull(p1, (long)p0[i * 2 + 1], b, 3, left);
-                    if (height) {
-                        for (long r = 0; r < height; ++r)
-                            for (long c = 0; c < 3; ++c) turned[c * height + r] = left[r * 3 + c];
-                        yasps<both.v.x>_pull(p1, (long)p0[i * 2 + 1], turned, height, both);
-                        long row = 0;
-                        for (long p = 2; p < 4; ++p) {
-                            if (!kappa[p]) continue;
-                            const long rows = sink->block_size_at[kappa[p] - 1];
-                            long col = 0;
-                            for (long q = 2; q < 4; ++q) {
-                                if (!kappa[q]) continue;
-                                const long cols = sink->block_size_at[kappa[q] - 1];
-                                if (q >= p) {
-                                    for (long r = 0; r < rows; ++r)
-                                        for (long c = 0; c < cols; ++c)
-                                            block[r * cols + c] = both[(col + c) * height + row + r];
-                                    add_block(sink->blocks, position[p * 4 - p * (p - 1) / 2 + q - p], block, rows, cols);
-                                }
-                                col += cols;
-                            }
-                            row += rows;
-                        }
-                    }
-                }
+                (void)i;
             }
         }
     }

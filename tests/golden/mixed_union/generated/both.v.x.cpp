@@ -1,7 +1,7 @@
 // backend/kernel_prelude.h stands here
 
 extern "C" void yasps<stiff.v.x>_value(Arguments, long, double*);
-extern "C" long yasps<stiff.v.x.jacobian>_pull(Arguments, long, const double*, long, double*);
+extern "C" long yasps<stiff.v.x.jacobian>_pull(Arguments, long, const V*, long, V*);
 extern "C" void yasps<both.v.x>_value(Arguments a, long i, double* out) {
     const long* const p0 = (const long*)a[0];
     const double* const p1 = (const double*)a[1];
@@ -12,12 +12,12 @@ extern "C" void yasps<both.v.x>_value(Arguments a, long i, double* out) {
     if (i < p0[3]) { const long j = i - p0[2]; for (long e = 0; e < 3; ++e) out[e] = p3[j * 3 + e]; return; }
 }
 
-static inline long copy_rows(long rows, const double* b, long n, double* out) {
+static inline long copy_rows(long rows, const V* b, long n, V* out) {
     for (long k = 0; k < rows * n; ++k) out[k] = b[k];
     return rows;
 }
 
-extern "C" long yasps<both.v.x>_pull(Arguments a, long i, const double* b, long n, double* out) {
+extern "C" long yasps<both.v.x>_pull(Arguments a, long i, const V* b, long n, V* out) {
     const long* const p0 = (const long*)a[0];
     const double* const p1 = (const double*)a[1];
     Arguments const p2 = (Arguments)a[2];

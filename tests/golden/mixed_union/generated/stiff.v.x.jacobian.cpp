@@ -1,15 +1,15 @@
 // backend/kernel_prelude.h stands here
 
-static inline void pull_back_one(const double* x0, const double* x1, double* y0) {
-    const double t6 = x0[0] * x1[0];
-    const double t7 = x0[1] * x1[0];
-    const double t8 = x0[2] * x1[0];
-    const double t9 = x0[0] * x1[1];
-    const double t10 = x0[1] * x1[1];
-    const double t11 = x0[2] * x1[1];
-    const double t12 = x0[0] * x1[2];
-    const double t13 = x0[1] * x1[2];
-    const double t14 = x0[2] * x1[2];
+static inline void pull_back_pack(const V* x0, const V* x1, V* y0) {
+    const V t6 = x0[0] * x1[0];
+    const V t7 = x0[1] * x1[0];
+    const V t8 = x0[2] * x1[0];
+    const V t9 = x0[0] * x1[1];
+    const V t10 = x0[1] * x1[1];
+    const V t11 = x0[2] * x1[1];
+    const V t12 = x0[0] * x1[2];
+    const V t13 = x0[1] * x1[2];
+    const V t14 = x0[2] * x1[2];
     y0[0] = x1[0];
     y0[1] = x1[1];
     y0[2] = x1[2];
@@ -24,7 +24,7 @@ static inline void pull_back_one(const double* x0, const double* x1, double* y0)
     y0[11] = t14;
 }
 
-extern "C" long yasps<stiff.v.x.jacobian>_pull(Arguments a, long i, const double* b, long n, double* out) {
+extern "C" long yasps<stiff.v.x.jacobian>_pull(Arguments a, long i, const V* b, long n, V* out) {
     const int* const p0 = (const int*)a[0];
     const double* const p1 = (const double*)a[1];
     const double* const p2 = (const double*)a[2];
@@ -41,10 +41,16 @@ extern "C" long yasps<stiff.v.x.jacobian>_pull(Arguments a, long i, const double
         const long j = p0[i * 1 + s];
         for (long e = 0; e < 9; ++e) (r2 + s * 9)[e] = p3[j * 9 + e];
     }
-    double v[3], x[12];
+    V r0_pack[3];
+    for (long e = 0; e < 3; ++e) r0_pack[e] = splat(r0[e]);
+    V r1_pack[3];
+    for (long e = 0; e < 3; ++e) r1_pack[e] = splat(r1[e]);
+    V r2_pack[9];
+    for (long e = 0; e < 9; ++e) r2_pack[e] = splat(r2[e]);
+    V v[3], x[12];
     for (long c = 0; c < n; ++c) {
         for (long k = 0; k < 3; ++k) v[k] = b[k * n + c];
-        pull_back_one(r1, v, x);
+        pull_back_pack(r1_pack, v, x);
         for (long k = 0; k < 12; ++k) out[k * n + c] = x[k];
     }
     return 12;

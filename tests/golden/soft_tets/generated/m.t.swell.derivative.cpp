@@ -176,7 +176,7 @@ static inline void pull_back_pack(const V* x0, V* y0) {
     y0[77] = x0[44];
 }
 
-static inline void derive_pack(const V* x0, V* y0, V* y1) {
+static inline void derive_pack(const V* x0, V* y0, V* y1, V* y2) {
     const V t12 = x0[0] - x0[9];
     const V t13 = x0[1] - x0[10];
     const V t14 = x0[2] - x0[11];
@@ -337,6 +337,15 @@ static inline void derive_pack(const V* x0, V* y0, V* y1) {
     const V t171 = -t82;
     const V t172 = -t99;
     const V t173 = -t84;
+    const V t174 = -t18;
+    const V t175 = -t19;
+    const V t176 = -t20;
+    const V t177 = -t15;
+    const V t178 = -t16;
+    const V t179 = -t17;
+    const V t180 = -t12;
+    const V t181 = -t13;
+    const V t182 = -t14;
     y0[0] = t67;
     y0[1] = t69;
     y0[2] = t71;
@@ -394,12 +403,22 @@ static inline void derive_pack(const V* x0, V* y0, V* y1) {
     y1[42] = t100;
     y1[43] = t173;
     y1[44] = t85;
+    y2[0] = t174;
+    y2[1] = t175;
+    y2[2] = t176;
+    y2[3] = t177;
+    y2[4] = t178;
+    y2[5] = t179;
+    y2[6] = t180;
+    y2[7] = t181;
+    y2[8] = t182;
 }
 
 extern "C" long yasps<m.t.swell.derivative>_derive(Arguments a, long begin, long end, const yasps_sink* sink) {
     const int* const p0 = (const int*)a[0];
     const double* const p1 = (const double*)a[1];
     V middle_of[16][45];
+    V deformation_of[16][9];
     for (long start = begin; start < end; start += 128) {
         const long stop = end - start < 128 ? end : start + 128;
         for (long first = start, pack = 0; first < stop; first += 8, ++pack) {
@@ -413,7 +432,8 @@ extern "C" long yasps<m.t.swell.derivative>_derive(Arguments a, long begin, long
             (void)at;
             V gradient[12];
             V* const middle = middle_of[pack];
-            derive_pack(r0, gradient, middle);
+            V* const deformation = deformation_of[pack];
+            derive_pack(r0, gradient, middle, deformation);
             V check = sum_of_zeros(gradient, 12);
             if (any_not_finite(check))
                 for (long l = 0; l < lanes; ++l)
@@ -429,7 +449,7 @@ extern "C" long yasps<m.t.swell.derivative>_derive(Arguments a, long begin, long
             }
         }
         if (!sink->blocks) continue;
-        const long changed = sink->project((double*)middle_of, 9, (int)(stop - start), sink->mode);
+        const long changed = sink->project_isotropic((double*)middle_of, (const double*)deformation_of, 9, (int)(stop - start), sink->mode);
         if (changed < 0) return start - changed - 1;
         *sink->projected += changed;
         for (long first = start, pack = 0; first < stop; first += 8, ++pack) {

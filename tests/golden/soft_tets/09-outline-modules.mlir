@@ -6,45 +6,20 @@ builtin.module {
     rel.connectivity @m.t.corners from @m.t to @m.v arity 4 : i64
     rel.storage @m.v.x on @m.v : tensor<3x1xf64>
     rel.storage @m.v.mass on @m.v : tensor<1x1xf64> constant
+    rel.attribute @m.t.swell on @m.t : tensor<1x1xf64>
+    rel.attribute @m.v.gravity on @m.v : tensor<1x1xf64>
+    rel.energy @m.t.swell projection "clamp"
+    rel.energy @m.v.gravity projection "clamp"
+    rel.target @m.v.x
+    rel.attribute @m.v.x.kappa on @m.v : tensor<1x1xi32>
+    rel.attribute @m.t.swell.kappa on @m.t : tensor<1x4xi32>
+    rel.attribute @m.v.gravity.kappa on @m.v : tensor<1x1xi32>
+  }
+  rel.object @m.t.swell.object entries ["batch"] {
     rel.attribute @m.t.swell on @m.t : tensor<1x1xf64> {
       %0 = rel.join @m.v.x through @m.t.corners : tensor<4x3xf64>
       %1 = rel.apply @m.t.swell.value(%0) : (tensor<4x3xf64>) -> tensor<1x1xf64>
       rel.yield %1 : tensor<1x1xf64>
-    }
-    rel.attribute @m.v.gravity on @m.v : tensor<1x1xf64> {
-      %x = rel.data @m.v.x : tensor<3x1xf64>
-      %mass = rel.data @m.v.mass : tensor<1x1xf64>
-      %0 = rel.apply @m.v.gravity.value(%x, %mass) : (tensor<3x1xf64>, tensor<1x1xf64>) -> tensor<1x1xf64>
-      rel.yield %0 : tensor<1x1xf64>
-    }
-    rel.energy @m.t.swell projection "clamp"
-    rel.energy @m.v.gravity projection "clamp"
-    rel.target @m.v.x
-    rel.derivative @m.t.swell.derivative of @m.t.swell on @m.t projection "clamp" indices @m.t.swell.kappa projects "9x9 of 12x12: the energy reads its inputs through a linear cut" {
-      %0 = rel.join @m.v.x through @m.t.corners : tensor<4x3xf64>
-      %1, %2 = rel.apply @m.t.swell.derive(%0) : (tensor<4x3xf64>) -> (tensor<12x1xf64>, tensor<45x1xf64>)
-      %3 = rel.project %2 width 9 : i64 mode "clamp" : tensor<45x1xf64> -> tensor<45x1xf64>
-      %4 = rel.apply @m.t.swell.pull_back(%3) : (tensor<45x1xf64>) -> tensor<78x1xf64>
-      rel.yield_derivative gradient %1 : tensor<12x1xf64> hessian %4 : tensor<78x1xf64> wrt %0 : tensor<4x3xf64>
-    }
-    rel.derivative @m.v.gravity.derivative of @m.v.gravity on @m.v projection "clamp" indices @m.v.gravity.kappa projects "nowhere: the energy is affine, its Hessian is zero" {
-      %x = rel.data @m.v.x : tensor<3x1xf64>
-      %mass = rel.data @m.v.mass : tensor<1x1xf64>
-      %0 = rel.apply @m.v.gravity.derive(%mass) : (tensor<1x1xf64>) -> tensor<3x1xf64>
-      rel.yield_derivative gradient %0 : tensor<3x1xf64> wrt %x : tensor<3x1xf64>
-    }
-    rel.attribute @m.v.x.kappa on @m.v : tensor<1x1xi32> {
-      %0 = rel.target_index @m.v.x : tensor<1x1xi32>
-      rel.yield %0 : tensor<1x1xi32>
-    }
-    rel.attribute @m.t.swell.kappa on @m.t : tensor<1x4xi32> {
-      %0 = rel.join @m.v.x.kappa through @m.t.corners : tensor<4x1xi32>
-      %1 = rel.apply @m.t.swell.kappa.value(%0) : (tensor<4x1xi32>) -> tensor<1x4xi32>
-      rel.yield %1 : tensor<1x4xi32>
-    }
-    rel.attribute @m.v.gravity.kappa on @m.v : tensor<1x1xi32> {
-      %0 = rel.target_index @m.v.x : tensor<1x1xi32>
-      rel.yield %0 : tensor<1x1xi32>
     }
     func.func @m.t.swell.value(%0: f64, %1: f64, %2: f64, %3: f64, %4: f64, %5: f64, %6: f64, %7: f64, %8: f64, %9: f64, %10: f64, %11: f64) -> f64 {
       %12 = arith.constant 5.000000e-01 : f64
@@ -77,13 +52,30 @@ builtin.module {
       %39 = arith.mulf %37, %38 : f64
       func.return %39 : f64
     }
+  }
+  rel.object @m.v.gravity.object entries ["batch"] {
+    rel.attribute @m.v.gravity on @m.v : tensor<1x1xf64> {
+      %x = rel.data @m.v.x : tensor<3x1xf64>
+      %mass = rel.data @m.v.mass : tensor<1x1xf64>
+      %0 = rel.apply @m.v.gravity.value(%x, %mass) : (tensor<3x1xf64>, tensor<1x1xf64>) -> tensor<1x1xf64>
+      rel.yield %0 : tensor<1x1xf64>
+    }
     func.func @m.v.gravity.value(%0: f64, %1: f64, %2: f64, %3: f64) -> f64 {
       %4 = arith.constant 9.800000e+00 : f64
       %5 = arith.mulf %1, %3 : f64
       %6 = arith.mulf %4, %5 : f64
       func.return %6 : f64
     }
-    func.func @m.t.swell.derive(%0: f64, %1: f64, %2: f64, %3: f64, %4: f64, %5: f64, %6: f64, %7: f64, %8: f64, %9: f64, %10: f64, %11: f64) -> (f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64) {
+  }
+  rel.object @m.t.swell.derivative.object entries ["batch"] {
+    rel.derivative @m.t.swell.derivative of @m.t.swell on @m.t projection "clamp" indices @m.t.swell.kappa projects "9x9 of 12x12: the energy reads its inputs through a linear cut; by singular values: isotropic in this 3x3 matrix" {
+      %0 = rel.join @m.v.x through @m.t.corners : tensor<4x3xf64>
+      %1, %2, %3 = rel.apply @m.t.swell.derive(%0) : (tensor<4x3xf64>) -> (tensor<12x1xf64>, tensor<45x1xf64>, tensor<9x1xf64>)
+      %4 = rel.project %2 width 9 : i64 mode "clamp" isotropic in %3 : tensor<9x1xf64> : tensor<45x1xf64> -> tensor<45x1xf64>
+      %5 = rel.apply @m.t.swell.pull_back(%4) : (tensor<45x1xf64>) -> tensor<78x1xf64>
+      rel.yield_derivative gradient %1 : tensor<12x1xf64> hessian %5 : tensor<78x1xf64> wrt %0 : tensor<4x3xf64>
+    }
+    func.func @m.t.swell.derive(%0: f64, %1: f64, %2: f64, %3: f64, %4: f64, %5: f64, %6: f64, %7: f64, %8: f64, %9: f64, %10: f64, %11: f64) -> (f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64) {
       %12 = arith.subf %0, %9 : f64
       %13 = arith.subf %1, %10 : f64
       %14 = arith.subf %2, %11 : f64
@@ -246,7 +238,16 @@ builtin.module {
       %171 = arith.negf %82 : f64
       %172 = arith.negf %99 : f64
       %173 = arith.negf %84 : f64
-      func.return %67, %69, %71, %153, %58, %154, %60, %155, %62, %156, %64, %157, %152, %158, %145, %159, %135, %160, %106, %161, %86, %150, %162, %142, %163, %127, %113, %94, %164, %147, %143, %136, %165, %114, %102, %79, %141, %166, %123, %167, %103, %168, %134, %169, %115, %170, %89, %125, %116, %104, %171, %112, %172, %83, %100, %173, %85 : f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64
+      %174 = arith.negf %18 : f64
+      %175 = arith.negf %19 : f64
+      %176 = arith.negf %20 : f64
+      %177 = arith.negf %15 : f64
+      %178 = arith.negf %16 : f64
+      %179 = arith.negf %17 : f64
+      %180 = arith.negf %12 : f64
+      %181 = arith.negf %13 : f64
+      %182 = arith.negf %14 : f64
+      func.return %67, %69, %71, %153, %58, %154, %60, %155, %62, %156, %64, %157, %152, %158, %145, %159, %135, %160, %106, %161, %86, %150, %162, %142, %163, %127, %113, %94, %164, %147, %143, %136, %165, %114, %102, %79, %141, %166, %123, %167, %103, %168, %134, %169, %115, %170, %89, %125, %116, %104, %171, %112, %172, %83, %100, %173, %85, %174, %175, %176, %177, %178, %179, %180, %181, %182 : f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64
     }
     func.func @m.t.swell.pull_back(%0: f64, %1: f64, %2: f64, %3: f64, %4: f64, %5: f64, %6: f64, %7: f64, %8: f64, %9: f64, %10: f64, %11: f64, %12: f64, %13: f64, %14: f64, %15: f64, %16: f64, %17: f64, %18: f64, %19: f64, %20: f64, %21: f64, %22: f64, %23: f64, %24: f64, %25: f64, %26: f64, %27: f64, %28: f64, %29: f64, %30: f64, %31: f64, %32: f64, %33: f64, %34: f64, %35: f64, %36: f64, %37: f64, %38: f64, %39: f64, %40: f64, %41: f64, %42: f64, %43: f64, %44: f64) -> (f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64) {
       %45 = arith.addf %0, %6 : f64
@@ -344,14 +345,41 @@ builtin.module {
       %137 = arith.negf %98 : f64
       func.return %100, %102, %104, %111, %112, %113, %114, %115, %116, %117, %118, %119, %106, %108, %120, %121, %122, %123, %124, %125, %126, %127, %128, %110, %129, %130, %131, %132, %133, %134, %135, %136, %137, %0, %1, %2, %3, %4, %5, %6, %7, %8, %9, %10, %11, %12, %13, %14, %15, %16, %17, %18, %19, %20, %21, %22, %23, %24, %25, %26, %27, %28, %29, %30, %31, %32, %33, %34, %35, %36, %37, %38, %39, %40, %41, %42, %43, %44 : f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64
     }
+  }
+  rel.object @m.v.gravity.derivative.object entries ["batch"] {
+    rel.derivative @m.v.gravity.derivative of @m.v.gravity on @m.v projection "clamp" indices @m.v.gravity.kappa projects "nowhere: the energy is affine, its Hessian is zero" {
+      %x = rel.data @m.v.x : tensor<3x1xf64>
+      %mass = rel.data @m.v.mass : tensor<1x1xf64>
+      %0 = rel.apply @m.v.gravity.derive(%mass) : (tensor<1x1xf64>) -> tensor<3x1xf64>
+      rel.yield_derivative gradient %0 : tensor<3x1xf64> wrt %x : tensor<3x1xf64>
+    }
     func.func @m.v.gravity.derive(%0: f64) -> (f64, f64, f64) {
       %1 = arith.constant 0.000000e+00 : f64
       %2 = arith.constant 9.800000e+00 : f64
       %3 = arith.mulf %2, %0 : f64
       func.return %1, %3, %1 : f64, f64, f64
     }
+  }
+  rel.object @m.v.x.kappa.object entries ["call"] {
+    rel.attribute @m.v.x.kappa on @m.v : tensor<1x1xi32> {
+      %0 = rel.target_index @m.v.x : tensor<1x1xi32>
+      rel.yield %0 : tensor<1x1xi32>
+    }
+  }
+  rel.object @m.t.swell.kappa.object entries ["batch"] {
+    rel.attribute @m.t.swell.kappa on @m.t : tensor<1x4xi32> {
+      %0 = rel.join @m.v.x.kappa through @m.t.corners : tensor<4x1xi32>
+      %1 = rel.apply @m.t.swell.kappa.value(%0) : (tensor<4x1xi32>) -> tensor<1x4xi32>
+      rel.yield %1 : tensor<1x4xi32>
+    }
     func.func @m.t.swell.kappa.value(%0: i32, %1: i32, %2: i32, %3: i32) -> (i32, i32, i32, i32) {
       func.return %0, %1, %2, %3 : i32, i32, i32, i32
+    }
+  }
+  rel.object @m.v.gravity.kappa.object entries ["batch"] {
+    rel.attribute @m.v.gravity.kappa on @m.v : tensor<1x1xi32> {
+      %0 = rel.target_index @m.v.x : tensor<1x1xi32>
+      rel.yield %0 : tensor<1x1xi32>
     }
   }
 }
