@@ -11,7 +11,7 @@ import argparse
 import sys
 import time
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -25,6 +25,7 @@ from yasps.frontend.contact import BarrierContact
 from yasps.frontend.mesh import Mesh
 from yasps.frontend.mesh_file import read_tetrahedral_mesh
 from yasps.frontend.newton import BackwardEuler, MovingPart, NewtonSettings
+from yasps.frontend.newton_system import WHEN_TO_PROJECT
 from yasps.frontend.pictures import DARK_PINK, LIGHT_BLUE, FramePictures, PicturesUnavailable, Surface
 from yasps.frontend.primitive import Primitive
 from yasps.frontend.progress import FrameProgress, TimeTable
@@ -32,6 +33,7 @@ from yasps.frontend.rabbit import rabbit
 from yasps.frontend.shapes import ground
 from yasps.frontend.tetrahedral_mesh import TetrahedralMesh
 from yasps.frontend.vtkhdf import VtkHdfSeries
+from yasps.runtime.solver_choice import SOLVERS
 
 GRAVITY = 9.8  # m/s^2
 DENSITY = 1000.0  # kg/m^3
@@ -285,6 +287,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("--output", type=Path, default=Path("output/two_bunnies"), help="folder for files and pictures")
     parser.add_argument("--no-pictures", action="store_true", help="no picture and no animation")
     parser.add_argument("--threads", type=int, help="threads (default: one for each processor)")
+    parser.add_argument("--solver", choices=SOLVERS, default="pcg", help="of the linear systems (default pcg)")
+    parser.add_argument("--projection", choices=WHEN_TO_PROJECT, default="always", help="of Hessians (default always)")
     options = parser.parse_args(arguments)
     if options.frames < 0:
         parser.error(f"--frames is a number of time steps, 0 or more, got {options.frames}")
@@ -293,6 +297,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     times = TimeTable()
     with times.stage("build, and compile positions"):
         example = two_bunnies(shape, threads=options.threads, times=times)
+    settings = replace(example.stepper.settings, solver=options.solver, projection=options.projection)
+    example.stepper.settings = settings
     print(f"{len(example.soft.vertices)} vertices and {len(example.soft.tets)} tets each", file=sys.stderr)
     with times.stage("compile"):
         report = example.scene.compile_report

@@ -33,6 +33,11 @@ class Pairs:
     def __len__(self) -> int:
         return len(self.weight)
 
+    def same_as(self, other: Pairs) -> bool:
+        """Whether the other has the same entries, to the last bit."""
+        mine, others = vars(self), vars(other)
+        return mine.keys() == others.keys() and all(np.array_equal(mine[name], others[name]) for name in mine)
+
 
 @dataclass(frozen=True)
 class MollifiedPairs(Pairs):

@@ -17,11 +17,13 @@ from typing import Any
 
 import ipctk
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from yasps.frontend.active_set import ActiveSet, Floats, Ids, read_collisions
 from yasps.frontend.errors import YaspsError
 
+_FREE_SHARE = 0.9
+"""Share of its distance that a pair may use up in one step, as additive CCD's conservative rescaling."""
 _ROUNDING = 8 * float(np.finfo(np.float64).eps)
 
 
@@ -38,6 +40,10 @@ class Candidates:
     """ipctk.Candidates, over the numbering of the collision mesh."""
     lower: Floats
     upper: Floats
+
+    def __len__(self) -> int:
+        """Number of pairs."""
+        return len(self.pairs)
 
 
 class CollisionGeometry:
@@ -105,25 +111,41 @@ class CollisionGeometry:
 
     # --- pairs ---
 
-    def candidates(self, start: ArrayLike, end: ArrayLike | None = None, distance: float | None = None) -> Candidates:
+    def candidates(
+        self,
+        start: ArrayLike,
+        end: ArrayLike | None = None,
+        distance: float | None = None,
+        *,
+        margin: float = 0.0,
+    ) -> Candidates:
         """Broad phase for one line search: pairs that may come closer than `distance` on the way.
 
         `start`, `end` [n, 3]; no `end` means no motion. `distance` defaults to the activation distance; 0 is
-        enough for :meth:`step_bound` alone.
+        enough for :meth:`step_bound` alone. `margin` [length]: the result also serves motions that leave this one
+        by no more than that in any coordinate of any vertex (see :meth:`covers`).
         """
         first = self._surface(start, "start")
         last = first if end is None else self._surface(end, "end")
         reach = self.activation_distance if distance is None else float(distance)
         if not (np.isfinite(reach) and reach >= 0):
             raise ValueError(f"distance must be a length >= 0, got {distance}")
+        if not (np.isfinite(margin) and margin >= 0):
+            raise ValueError(f"margin must be a length >= 0, got {margin}")
         lower, upper = np.minimum(first, last), np.maximum(first, last)
         # Two boxes inflated by r meet when their contents are within 2 r. The pad makes up for positions that
         # rounding of start + step * (end - start) puts just outside the swept boxes; _swept_surface allows
         # exactly that much.
-        pad = 1e-6 * reach + _ROUNDING * max(np.abs(lower).max(initial=0.0), np.abs(upper).max(initial=0.0))
+        pad = margin + 1e-6 * reach + _ROUNDING * max(np.abs(lower).max(initial=0.0), np.abs(upper).max(initial=0.0))
         pairs = ipctk.Candidates()
         pairs.build(self._mesh, first, last, reach / 2 + pad, ipctk.LBVH())
         return Candidates(reach, pairs, lower - pad, upper + pad)
+
+    def covers(self, candidates: Candidates, *positions: ArrayLike) -> bool:
+        """Whether all these positions [n, 3], and so the straight ways between them, are inside the motion that
+        `candidates` was made for."""
+        surfaces = [self._surface(part, "positions") for part in positions]
+        return not any(_outside(surface, candidates).any() for surface in surfaces)
 
     def active_set(self, positions: ArrayLike, candidates: Candidates | None = None) -> ActiveSet:
         """All pairs closer than the activation distance at `positions` [n, 3].
@@ -179,6 +201,19 @@ class CollisionGeometry:
             )
         )
 
+    def moves_freely(self, start: ArrayLike, end: ArrayLike, candidates: Candidates) -> bool:
+        """Whether every vertex moves so little from `start` to `end` [n, 3] that nothing can meet on any way there.
+
+        A quick test without CCD, for short motions: no vertex may move by 0.45 of its distance to anything else, so
+        that pairs keep a tenth of theirs, as with :meth:`step_bound`. `start` must be free of intersections.
+        """
+        first = self._swept_surface(start, "start", candidates)
+        last = self._swept_surface(end, "end", candidates)
+        # What is not among the candidates is at least their distance apart.
+        gaps = candidates.pairs.compute_per_vertex_safe_distances(self._mesh, first, candidates.distance)
+        moved = np.linalg.norm(last - first, axis=1)
+        return bool((moved <= 0.5 * _FREE_SHARE * np.asarray(gaps).reshape(-1)).all())
+
     # --- inside ---
 
     def _surface(self, positions: ArrayLike, name: str) -> Floats:
@@ -196,7 +231,7 @@ class CollisionGeometry:
         surface = self._surface(positions, name)
         if candidates.lower.shape != surface.shape:
             raise ValueError("candidates belong to another CollisionGeometry")
-        outside = ((surface < candidates.lower) | (surface > candidates.upper)).any(axis=1)
+        outside = _outside(surface, candidates)
         if outside.any():
             vertex = self._name(int(self._full_id[int(np.argmax(outside))]))
             raise ValueError(
@@ -257,6 +292,11 @@ class CollisionGeometry:
 
     def _names(self, vertices: list[int]) -> str:
         return ", ".join(self._name(vertex) for vertex in vertices)
+
+
+def _outside(surface: Floats, candidates: Candidates) -> NDArray[np.bool_]:
+    """Vertices that are not where the candidates were made for."""
+    return np.asarray(((surface < candidates.lower) | (surface > candidates.upper)).any(axis=1))
 
 
 def _check_finite(positions: Floats, name: str) -> None:

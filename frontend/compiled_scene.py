@@ -12,9 +12,9 @@ from numpy.typing import NDArray
 from xdsl.dialects.builtin import ModuleOp
 
 from yasps.backend.cpp_object import Binding
-from yasps.backend.interpreter import SceneData
 from yasps.backend.program import CompiledModule, Program
 from yasps.backend.scene_code import SceneCode
+from yasps.backend.scene_data import SceneData
 from yasps.frontend.attribute import Attribute, FloatArray, Joined, Location, Stored, operands_of
 from yasps.frontend.connectivity import Connectivity
 from yasps.frontend.emit import EnergyTerm, SceneEmitter
@@ -110,6 +110,7 @@ class CompiledScene:
         outputs: Sequence[Attribute],
         *,
         runtime: Runtime,
+        deterministic: bool = False,
         dump_to: Path | None,
         dump_locations: bool = False,
     ) -> None:
@@ -126,8 +127,8 @@ class CompiledScene:
         self.report = CompileReport(symbolic, native, (*self._runtime_log(), *self.program.log))
         self.static_matrix = BlockMatrix(runtime, with_diagonal=True)
         self.dynamic_matrix = BlockMatrix(runtime, with_diagonal=False)
-        self._assembler = Assembler(runtime)
-        self._solver = LinearSolver(runtime)
+        self._assembler = Assembler(runtime, deterministic=deterministic)
+        self._solver = LinearSolver(runtime, deterministic=deterministic)
         self._starts: dict[str, NDArray[np.int64]] = {}
         self._offsets: dict[str, NDArray[np.int64]] = {}
         self._terms = self._make_terms(energies)
@@ -310,7 +311,12 @@ class CompiledScene:
                 assert term.kappa is not None
                 term.kappas = self.program.indices(term.kappa, term.count, term.capacity)
                 kappas.append(term.kappas)
-            for term, positions in zip(terms, matrix.build(boundaries, block_sizes, kappas), strict=True):
+            # Both parts need the same order inside; the one with most blocks, and that seldom changes, chooses it.
+            if dynamic:
+                built = matrix.build(boundaries, block_sizes, kappas, order=self.static_matrix.order)
+            else:
+                built = matrix.build(boundaries, block_sizes, kappas, reorder=True)
+            for term, positions in zip(terms, built, strict=True):
                 term.positions = positions
         self._static_valid = self._dynamic_valid = True
 

@@ -11,9 +11,10 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
+import numpy as np
 from numpy.typing import ArrayLike
 
-from yasps.frontend.active_set import ActiveSet, MollifiedPairs
+from yasps.frontend.active_set import ActiveSet, MollifiedPairs, Pairs
 from yasps.frontend.attribute import Attribute, FloatArray
 from yasps.frontend.collision_geometry import Candidates, CollisionGeometry
 from yasps.frontend.errors import SceneError
@@ -68,6 +69,12 @@ def mollifier(first: Attribute, second: Attribute, threshold: Attribute) -> Attr
     normal = first.cross(second)
     ratio = normal.dot(normal) / threshold
     return ratio * (2 - ratio)
+
+
+SHORT_WAY = 1.0
+"""Ways up to this many activation distances share their candidates, found with a margin of"""
+MARGIN = 0.25
+"""this many."""
 
 
 @dataclass(frozen=True)
@@ -140,6 +147,10 @@ class BarrierContact:
                 energy = energy * mollifier(x.row(b) - x.row(a), x.row(d) - x.row(c), threshold)
             mesh.scene.add_energy(primitive.add_attribute("barrier", computed_attribute=energy), projection=projection)
             self.primitives[name] = primitive
+        self._given: dict[str, Pairs] = {}
+        self._kept: Candidates | None = None
+        self._last_step = 1.0
+        self._where = positions
         self.active = self.geometry.active_set(positions)
         self._apply(self.active)
 
@@ -148,14 +159,49 @@ class BarrierContact:
         return self.position.compute().array.reshape(-1, 3)
 
     def update(self, positions: FloatArray | None = None, candidates: Candidates | None = None) -> ActiveSet:
-        """Finds the close pairs at the current positions and gives them to the scene."""
+        """Finds the close pairs at the current positions and gives them to the scene.
+
+        Costs next to nothing at the positions of the last update. A kind whose pairs are the same as before is left
+        alone, so that the sparsity of the Hessian is not worked out again for nothing.
+        """
         where = self.positions() if positions is None else positions
-        self.active = self.geometry.active_set(where, candidates)
-        self._apply(self.active)
+        if not np.array_equal(where, self._where):
+            self.active = self.geometry.active_set(where, candidates)
+            self._where = np.array(where)
+            self._apply(self.active)
         return self.active
+
+    def free_step(self, start: FloatArray, end: FloatArray) -> tuple[float, Candidates]:
+        """Largest step in [0, 1] from start straight towards end [n, 3] that is free of collisions, and the pairs to
+        give to `update` anywhere on that way.
+
+        start must be free of intersections; every earlier step was bounded, so it is. Pairs of a short way are found
+        with a margin and kept for the next ones, since ways get ever shorter while Newton's method converges.
+        """
+        geometry = self.geometry
+        way = float(np.sqrt(np.square(end - start).sum(axis=1).max(initial=0.0)))
+        if way <= SHORT_WAY * geometry.activation_distance:
+            if self._kept is None or not geometry.covers(self._kept, start, end):
+                self._kept = geometry.candidates(start, end, margin=MARGIN * geometry.activation_distance)
+            if geometry.moves_freely(start, end, self._kept):
+                return 1.0, self._kept
+            return geometry.step_bound(start, end, self._kept, start_is_free=True), self._kept
+        # The boxes that vertices sweep on a long way meet many others: where the last long way was blocked early, look
+        # at the beginning first.
+        for share in (0.25, 1.0) if self._last_step < 0.25 else (1.0,):
+            last = end if share == 1.0 else start + share * (end - start)
+            candidates = geometry.candidates(start, last)
+            step = geometry.step_bound(start, last, candidates, start_is_free=True)
+            if step < 1.0:
+                break
+        self._last_step = share * step
+        return self._last_step, candidates
 
     def _apply(self, active: ActiveSet) -> None:
         for name, pairs in active.kinds().items():
+            if name in self._given and pairs.same_as(self._given[name]):
+                continue
+            self._given[name] = pairs
             parts = {"vertices": pairs.vertices, "weight": pairs.weight}
             if isinstance(pairs, MollifiedPairs):
                 parts["threshold"] = pairs.threshold

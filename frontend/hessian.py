@@ -33,11 +33,14 @@ class Hessian:
     def __init__(self, parts: Sequence[BlockMatrix]) -> None:
         size = parts[0].size
         self.shape = (size, size)
-        self.blocks = [
-            HessianBlock(group.rows.copy(), group.cols.copy(), group.values.copy())
-            for part in parts
-            for group in part.groups
-        ]
+        self.blocks = []
+        for part in parts:
+            for group in part.groups:
+                above = group.rows <= group.cols
+                self.blocks.append(HessianBlock(group.rows[above], group.cols[above], group.values[above]))
+                if not above.all():  # the solver's own order of unknowns decides which of two blocks is stored
+                    transposed = group.values[~above].transpose(0, 2, 1).copy()
+                    self.blocks.append(HessianBlock(group.cols[~above], group.rows[~above], transposed))
 
     def __repr__(self) -> str:
         stored = sum(len(block.rows) for block in self.blocks)

@@ -16,6 +16,7 @@ from yasps.frontend.attribute import Attribute, FloatArray
 from yasps.frontend.collision_geometry import Candidates
 from yasps.frontend.contact import BarrierContact
 from yasps.frontend.errors import NotConvergedError, SceneError
+from yasps.frontend.newton_system import check_choices, solve_newton_system
 from yasps.frontend.progress import TimeTable
 from yasps.frontend.scene import Scene
 
@@ -23,6 +24,8 @@ ROUNDING = 1e-15
 """Relative change of a total energy that is only rounding."""
 CURVED = 1e-10
 """Relative distance from its straight way beyond which a vertex moves on a curve, not by rounding."""
+WORTHWHILE = 1.5
+"""Step beyond the Newton step below which a look at the energy there costs more than it brings."""
 
 
 @dataclass(frozen=True)
@@ -31,6 +34,8 @@ class NewtonSettings:
 
     velocity_tolerance [m/s]: stop when the Newton direction moves no vertex by more than this times dt.
     linear_tolerance: of the conjugate gradients, on the squared preconditioned norm (see Scene.minimize_energy).
+    longest_step: how far beyond the Newton step the line search may look, in its lengths; 1 to never do that.
+    solver, projection: see `solve_newton_system`.
     """
 
     velocity_tolerance: float = 1e-2
@@ -38,6 +43,13 @@ class NewtonSettings:
     linear_tolerance: float = 1e-4
     linear_max_iterations: int = 20_000
     shortest_step: float = 2.0**-40
+    longest_step: float = 4.0
+    solver: str = "pcg"
+    projection: str = "always"
+
+    def __post_init__(self) -> None:
+        """Raises DataError for names that don't exist."""
+        check_choices(self.solver, self.projection)
 
 
 @dataclass
@@ -51,6 +63,10 @@ class NewtonReport:
     largest_velocity: float = np.inf
     """Largest vertex displacement of the last Newton direction over dt [m/s]."""
     step_lengths: list[float] = field(default_factory=list)
+    projected: int = 0
+    """Iterations whose Hessian was projected."""
+    direct_solves: int = 0
+    """Iterations whose system a direct solver took."""
 
 
 class Motion:
@@ -92,7 +108,8 @@ def minimize(
 
     positions: 3x1 attributes whose movement is measured (and, with contact, bounded; they are contact.position then).
     Stops when the Newton direction moves no vertex by settings.velocity_tolerance * time_step; that last direction is
-    not taken. Each step is bounded by CCD and halved until the energy does not grow (but for rounding).
+    not taken. Each step is bounded by CCD and halved until the energy does not grow (but for rounding), or made longer
+    where the energy shows that it is too short.
 
     Raises NotConvergedError after settings.max_iterations, or when the linear solver or the line search fails; the
     targets then have the last accepted values.
@@ -130,78 +147,132 @@ class _Minimization:
     def run(self) -> NewtonReport:
         """Newton iterations until the direction is short."""
         report, settings = self.report, self.settings
+        here = self.positions()
+        self.find_contacts(here)
+        report.energy = self.energy()
         while True:
-            before = self.positions()
-            self.find_contacts(before)
-            report.energy = self.energy()
             if not np.isfinite(report.energy):
                 raise NotConvergedError(
                     f"the energy is {report.energy} at the start of Newton iteration {report.iterations + 1}"
                 )
-            directions = self.direction()
+            directions, slope = self.direction()
             motion = Motion(self.scene)
             motion.move(directions, 1.0)
-            after = self.positions()
-            report.largest_velocity = float(np.linalg.norm(after - before, axis=1).max(initial=0.0)) / self.time_step
+            there = self.positions()
+            report.largest_velocity = float(np.linalg.norm(there - here, axis=1).max(initial=0.0)) / self.time_step
             if report.largest_velocity < settings.velocity_tolerance:
                 motion.write(motion.start)
                 return report
-            self.line_search(motion, directions, before, after)
+            here, report.energy = _LineSearch(self, motion, directions, here, there).run(slope)
             if report.iterations >= settings.max_iterations:
                 raise NotConvergedError(
                     f"no convergence in {settings.max_iterations} Newton iterations: the last direction still moved a "
                     f"vertex at {report.largest_velocity:.3g} m/s (tolerance {settings.velocity_tolerance:.3g})"
                 )
 
-    def direction(self) -> list[FloatArray]:
-        """x of H x = g for every target."""
-        compiled = self.scene.compile()
-        with self.times.stage("derivatives and assembly"):
-            gradient = compiled.assemble()
-        with self.times.stage("linear solver"):
-            settings = self.settings
-            x, solved = compiled.solve_linear(gradient, settings.linear_tolerance, settings.linear_max_iterations)
-        self.report.cg_iterations += solved.iterations
+    def direction(self) -> tuple[list[FloatArray], float]:
+        """x of H x = g for every target, and how fast the energy falls along -x at first, g . x."""
+        compiled, settings = self.scene.compile(), self.settings
+        solution = solve_newton_system(
+            compiled,
+            settings.linear_tolerance,
+            settings.linear_max_iterations,
+            solver=settings.solver,
+            projection=settings.projection,
+            stages=self.times,
+        )
+        solved = solution.report
+        self.report.cg_iterations += solved.iterations + solution.wasted_iterations
+        self.report.projected += solution.projected
+        self.report.direct_solves += solved.direct
         self.report.iterations += 1
         if not solved.converged:
             raise NotConvergedError(f"Newton iteration {self.report.iterations}: the linear solver stopped: {solved}")
-        return compiled.split(x)
+        return compiled.split(solution.x), solution.slope
 
-    def line_search(
-        self, motion: Motion, directions: Sequence[FloatArray], before: FloatArray, after: FloatArray
-    ) -> None:
-        """Takes the longest step of 1, 1/2, 1/4, ... times the collision-free bound that does not raise the energy."""
-        step, candidates, energy = 1.0, None, self.report.energy
-        if self.contact is not None:
-            with self.times.stage("contact: candidates"):
-                candidates = self.contact.geometry.candidates(before, after)
-            with self.times.stage("contact: CCD"):
-                step = self.contact.geometry.step_bound(before, after, candidates, start_is_free=True)
-        while step > self.settings.shortest_step:
-            motion.move(directions, step)
-            if self.contact is not None:
-                now = self.positions()
-                way = before + step * (after - before)
-                if np.abs(now - way).max(initial=0.0) > CURVED * np.abs(way).max(initial=0.0):
-                    # A nonlinear parameterisation: the vertices are elsewhere than the bound was made for.
-                    with self.times.stage("contact: CCD"):
-                        candidates = self.contact.geometry.candidates(before, now)
-                        bound = self.contact.geometry.step_bound(before, now, candidates, start_is_free=True)
-                    if bound < 1.0:
-                        step /= 2
-                        continue
-                self.find_contacts(now, candidates)
-            if self.energy() <= energy + ROUNDING * abs(energy):
-                self.report.step_lengths.append(step)
-                return
+
+@dataclass
+class _LineSearch:
+    """One step along a Newton direction: free of collisions, and not upwards."""
+
+    newton: _Minimization
+    motion: Motion
+    directions: Sequence[FloatArray]
+    before: FloatArray
+    full: FloatArray
+    """Positions after the whole Newton step."""
+    candidates: Candidates | None = None
+    now: FloatArray = field(default_factory=lambda: np.empty((0, 3)))
+
+    def run(self, slope: float) -> tuple[FloatArray, float]:
+        """Takes the longest step of 1, 1/2, 1/4, ... times the collision-free bound that does not raise the energy; or
+        a longer one than 1, see `go_further`. Returns positions and energy after it; raises NotConvergedError."""
+        report, settings = self.newton.report, self.newton.settings
+        start = report.energy
+        step = self.free_step(1.0)
+        while step > settings.shortest_step:
+            energy = self.energy_after(step)
+            if energy <= start + ROUNDING * abs(start):
+                if step == 1.0:
+                    step, energy = self.go_further(energy, slope)
+                report.step_lengths.append(step)
+                return self.now, energy
             step /= 2
-        motion.write(motion.start)
-        self.find_contacts(before)
+        self.motion.write(self.motion.start)
+        self.newton.find_contacts(self.before)
         raise NotConvergedError(
-            f"Newton iteration {self.report.iterations}: no step along the Newton direction lowers the energy "
-            f"{energy:.6g} J (the direction moves a vertex at {self.report.largest_velocity:.3g} m/s); a smaller "
+            f"Newton iteration {report.iterations}: no step along the Newton direction lowers the energy "
+            f"{start:.6g} J (the direction moves a vertex at {report.largest_velocity:.3g} m/s); a smaller "
             "linear_tolerance or a larger velocity_tolerance may help"
         )
+
+    def go_further(self, energy: float, slope: float) -> tuple[float, float]:
+        """Step and energy after trying one step beyond 1.
+
+        Projection makes the Hessian stiffer than the energy is, and steps too short by a factor that stays the same
+        from iteration to iteration. The parabola through the energies at 0 and 1, with the slope at 0, tells where the
+        lowest point is; with an exact Hessian that is near 1.
+        """
+        curvature = 1.0 - (self.newton.report.energy - energy) / slope if slope > 0 else 1.0
+        lowest = 0.5 / curvature if curvature > 0 else np.inf
+        longest = self.newton.settings.longest_step
+        if lowest < WORTHWHILE or longest < WORTHWHILE:
+            return 1.0, energy
+        candidates, now = self.candidates, self.now
+        step = self.free_step(float(min(lowest, longest)))
+        if step >= WORTHWHILE:
+            further = self.energy_after(step)
+            if further < energy:
+                return step, further
+        self.motion.move(self.directions, 1.0)
+        self.now = now
+        self.newton.find_contacts(now, candidates)
+        return 1.0, energy
+
+    def free_step(self, step: float) -> float:
+        """The step, or the part of it that is free of collisions on the straight way."""
+        if self.newton.contact is None:
+            return step
+        return step * self.bound(self.before + step * (self.full - self.before))
+
+    def bound(self, end: FloatArray) -> float:
+        assert self.newton.contact is not None
+        with self.newton.times.stage("contact: CCD"):
+            step, self.candidates = self.newton.contact.free_step(self.before, end)
+        return step
+
+    def energy_after(self, step: float) -> float:
+        """Moves the targets; the energy there, infinite if a collision is on the way."""
+        self.motion.move(self.directions, step)
+        self.now = self.full if step == 1.0 else self.newton.positions()
+        if self.newton.contact is not None:
+            way = self.before + step * (self.full - self.before)
+            # With a nonlinear parameterisation the vertices are elsewhere than the bound was made for.
+            curved = np.abs(self.now - way).max(initial=0.0) > CURVED * np.abs(way).max(initial=0.0)
+            if curved and self.bound(self.now) < 1.0:
+                return np.inf
+            self.newton.find_contacts(self.now, self.candidates)
+        return self.newton.energy()
 
 
 @dataclass(frozen=True)
@@ -284,8 +355,8 @@ class BackwardEuler:
             free = True
             if self.contact is not None:
                 after = self.contact.positions()
-                candidates = self.contact.geometry.candidates(before, after)
-                free = self.contact.geometry.step_bound(before, after, candidates, start_is_free=True) == 1.0
+                step, candidates = self.contact.free_step(before, after)
+                free = step == 1.0
                 if free:
                     self.contact.update(after, candidates)
             if not (free and self.scene.total_energy() < energy):

@@ -19,20 +19,18 @@ from yasps.frontend.attribute import Attribute, FloatArray, Stored
 from yasps.frontend.compiled_scene import CompiledScene, CompileReport
 from yasps.frontend.emit import EnergyTerm
 from yasps.frontend.entity import Entity
-from yasps.frontend.errors import DataError, NameTakenError, NotConvergedError, SceneError, ShapeMismatchError
+from yasps.frontend.errors import NameTakenError, NotConvergedError, SceneError, ShapeMismatchError
 from yasps.frontend.hessian import Hessian
 from yasps.frontend.mesh import Mesh
+from yasps.frontend.newton_system import advice_on, check_choices, check_limits, solve_newton_system
 from yasps.frontend.spelling import both_spellings
 from yasps.runtime.library import Runtime, load_runtime
-from yasps.runtime.solver import SolveReport, StopReason
+from yasps.runtime.solver import SolveReport
 from yasps.runtime.toolchain import find_compiler
 
 if TYPE_CHECKING:
     from yasps.frontend.connectivity import Connectivity
     from yasps.frontend.primitive import PrimitiveBase
-
-_MOST_ITERATIONS = 2**31
-"""What fits the runtime's counter."""
 
 
 @dataclass(frozen=True)
@@ -51,13 +49,16 @@ class Solution:
 class Scene(Entity):
     """Meshes, attributes, energies and minimisation targets, and what the compiler makes of them.
 
-    device: "cpu". threads: of the runtime; default one for each processor. Nothing is global: scenes of the same name
-    live side by side.
+    device: "cpu". threads: of the runtime; default one for each processor. deterministic: the same bits for any number
+    of threads, for some more time and memory; without it, for the same number. Nothing is global: scenes of the same
+    name live side by side.
     """
 
     kind = "scene"
 
-    def __init__(self, name: str, *, device: str = "cpu", threads: int | None = None) -> None:
+    def __init__(
+        self, name: str, *, device: str = "cpu", threads: int | None = None, deterministic: bool = False
+    ) -> None:
         super().__init__("scene", None)
         self.name = self._own_name = self.check_name(name, "a scene")
         if device != "cpu":
@@ -65,6 +66,7 @@ class Scene(Entity):
         if threads is not None and (not isinstance(threads, int) or isinstance(threads, bool) or threads < 1):
             raise SceneError(f"threads={threads!r}: it must be a positive integer, or left out for one per processor")
         self._threads = threads
+        self._deterministic = deterministic
         self._energies: list[EnergyTerm] = []
         self._targets: list[Attribute] = []
         self._runtime: Runtime | None = None
@@ -187,45 +189,52 @@ class Scene(Entity):
 
     # -- results -------------------------------------------------------------------------------------------
 
-    def minimize_energy(self, tolerance: float = 1e-4, max_iterations: int = 10_000) -> list[FloatArray]:
+    def minimize_energy(
+        self,
+        tolerance: float = 1e-4,
+        max_iterations: int = 10_000,
+        *,
+        solver: str = "pcg",
+        projection: str = "always",
+    ) -> list[FloatArray]:
         """x of H x = g, one flat array for each target (paper, 4.8); the Newton step is the *negative*: -x.
 
         g is the gradient of all energies, H their projected Hessian. tolerance: relative, on the squared preconditioned
-        norm of the residual, r^T M^-1 r <= tolerance g^T M^-1 g.
+        norm of the residual, r^T M^-1 r <= tolerance g^T M^-1 g. solver, projection: see `solve`.
 
         Raises NotConvergedError if the solver stops before that, NotFiniteError, SceneError without energies or
         targets, DataError or ConnectivityError for numbers that don't fit a dynamic primitive's size or bad arguments.
         """
-        solution = self.solve(tolerance, max_iterations)
+        solution = self.solve(tolerance, max_iterations, solver=solver, projection=projection)
         report = solution.report
         if report.converged:
             return solution.directions
-        if report.reason is StopReason.MAX_ITERATIONS:
-            advice = "Raise max_iterations or tolerance."
-        elif report.block is not None:
-            advice = (
-                f"The Hessian's diagonal block of {self.compile().place_of(report.block)} is not positive definite: "
-                "does every target instance take part in an energy?"
-            )
-        else:
-            advice = "The Hessian is not positive definite; add e.g. an inertia energy, or use another projection."
+        advice = advice_on(report, self.compile())
         raise NotConvergedError(f"the linear solver stopped: {report}. {advice} solve() returns the result as it is.")
 
-    def solve(self, tolerance: float = 1e-4, max_iterations: int = 10_000) -> Solution:
-        """As `minimize_energy`, with gradient and solver's report, and without raising when it did not converge."""
-        number = isinstance(tolerance, float | int | np.floating) and not isinstance(tolerance, bool)
-        if not number or not 0 <= tolerance < np.inf:
-            raise DataError(f"tolerance must be a finite number >= 0, got {tolerance!r}")
-        if (
-            not isinstance(max_iterations, int | np.integer)
-            or isinstance(max_iterations, bool)
-            or not 0 <= max_iterations < _MOST_ITERATIONS
-        ):
-            raise DataError(f"max_iterations must be an integer >= 0, got {max_iterations!r}")
+    def solve(
+        self,
+        tolerance: float = 1e-4,
+        max_iterations: int = 10_000,
+        *,
+        solver: str = "pcg",
+        projection: str = "always",
+        history: bool = False,
+    ) -> Solution:
+        """As `minimize_energy`, with gradient and solver's report, and without raising when it did not converge.
+
+        solver: "pcg", conjugate gradients; "direct", a sparse factorisation, for systems that these take thousands of
+        iterations for; "auto", the one that did better (see `LinearSolver`). projection: "always", or "on-demand",
+        which removes negative eigenvalues only if the exact Hessian turns out not to be positive definite (see
+        `solve_newton_system`). history: keep the residual of every iteration of conjugate gradients in the report.
+        """
+        check_limits(tolerance, max_iterations)
+        check_choices(solver, projection)
         compiled = self.compile()
-        gradient = compiled.assemble()
-        x, report = compiled.solve_linear(gradient, tolerance, max_iterations)
-        return Solution(compiled.split(x), compiled.split(gradient), report)
+        solved = solve_newton_system(
+            compiled, tolerance, max_iterations, solver=solver, projection=projection, history=history
+        )
+        return Solution(compiled.split(solved.x), compiled.split(solved.gradient), solved.report)
 
     def gradient(self) -> list[FloatArray]:
         """Gradient of all energies, one flat array for each target."""
@@ -320,6 +329,7 @@ class Scene(Entity):
             targets,
             outputs,
             runtime=self.runtime,
+            deterministic=self._deterministic,
             dump_to=dump_to,
             dump_locations=dump_locations,
         )

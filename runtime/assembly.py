@@ -8,9 +8,15 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from yasps.runtime.block_matrix import BlockMatrix
-from yasps.runtime.library import FloatArray, IntArray, LongArray, Projection, Runtime, check_status
+from yasps.runtime.library import FloatArray, IntArray, LongArray, Projection, Runtime, check_status, piece_count
+
+# Doubles of gradient or matrix that are added up together; as in assembly.cpp.
+_TILE = 512
+# Each thread's work is spread over this many places, so that a region of expensive instances is shared.
+_CHUNKS_PER_PIECE = 4
 
 
 @dataclass(frozen=True)
@@ -56,6 +62,7 @@ class _Task(ctypes.Structure):
         ("kappa", ctypes.c_void_p),
         ("position", ctypes.c_void_p),
         ("part", ctypes.c_long),
+        ("marks", ctypes.c_void_p),
         ("first_bad", ctypes.c_long),
         ("projected", ctypes.c_long),
     ]
@@ -71,12 +78,31 @@ class _Part(ctypes.Structure):
     ]
 
 
+@dataclass(frozen=True)
+class _Marks:
+    """Which tiles a call's pieces touch, and what that was found from; arrays are compared by identity.
+
+    tiles: uint8 [pieces, tiles].
+    """
+
+    kappa: IntArray
+    position: LongArray | None
+    part_size: int | None
+    cut: tuple[int, int, int]
+    tiles: NDArray[np.uint8]
+
+
 class Assembler:
     """Owns the memory that threads assemble into; keep one and use it for every assembly."""
 
-    def __init__(self, runtime: Runtime) -> None:
-        """Make an assembler without memory; the first assembly gets it."""
+    def __init__(self, runtime: Runtime, *, deterministic: bool = False) -> None:
+        """Make an assembler without memory; the first assembly gets it.
+
+        deterministic: results do not depend on the number of threads, for some more time and memory.
+        """
         self._runtime = runtime
+        self._deterministic = deterministic
+        self._marks: list[_Marks] = []
         handle = runtime.library.yasps_assembly_new()
         if not handle:
             raise MemoryError("no memory for an assembler")
@@ -95,8 +121,10 @@ class Assembler:
 
         gradient: float64 [unknowns], C-contiguous. block_size_at: int32 [unknowns], `BlockMatrix.block_size_at`; here
         because a gradient can be wanted without any matrix. The result is the same bit for bit in every run with the
-        same number of threads. Returns one status per call. Raises ValueError for arrays that do not fit together,
-        before anything is written; MemoryError.
+        same number of threads, of a deterministic assembler with any number. Returns one status per call. Raises
+        ValueError for arrays that do not fit together, before anything is written; MemoryError.
+
+        What `kappa` and `position` say is remembered for the next assembly: new indices need new arrays.
         """
         size = gradient.size
         if gradient.dtype != np.float64 or gradient.ndim != 1 or not gradient.flags.c_contiguous:
@@ -117,6 +145,17 @@ class Assembler:
             *(_Part(part.values.ctypes.data, part.values.size, part.largest_block) for part in parts)
         )
         sizes = np.ascontiguousarray(block_size_at)
+        count = self._runtime.thread_count(threads)
+        pieces = piece_count(count, self._deterministic)
+        chunks = pieces * (1 if self._deterministic or pieces == 1 else _CHUNKS_PER_PIECE)
+        marks = []
+        if pieces > 1:
+            for index, (call, task) in enumerate(zip(calls, tasks, strict=True)):
+                c_part = c_parts[task.part] if task.part >= 0 else None
+                cut = (pieces, chunks, size)
+                marks.append(self._marks_of(index, call, task, part=c_part, sizes=sizes, cut=cut, threads=count))
+                task.marks = marks[-1].tiles.ctypes.data
+        self._marks = marks
         status = self._runtime.library.yasps_assemble(
             self._handle,
             ctypes.addressof(tasks),
@@ -126,10 +165,52 @@ class Assembler:
             gradient.ctypes.data,
             size,
             sizes.ctypes.data,
-            self._runtime.thread_count(threads),
+            pieces,
+            chunks,
+            count,
         )
         check_status(status)
         return [KernelStatus(task.first_bad if task.first_bad >= 0 else None, task.projected) for task in tasks]
+
+    def _marks_of(
+        self,
+        index: int,
+        call: KernelCall,
+        task: _Task,
+        *,
+        part: _Part | None,
+        sizes: IntArray,
+        cut: tuple[int, int, int],
+        threads: int,
+    ) -> _Marks:
+        """The tiles that this call touches: those of the last assembly where nothing changed since.
+
+        cut: pieces, chunks, unknowns.
+        """
+        position = call.position if part is not None else None
+        part_size = part.count if part is not None else None
+        if index < len(self._marks):
+            last = self._marks[index]
+            if (
+                last.kappa is call.kappa
+                and last.position is position
+                and last.part_size == part_size
+                and last.cut == cut
+            ):
+                return last
+        pieces, chunks, scalars = cut
+        tiles = np.empty((pieces, -(-scalars // _TILE) + -(-(part_size or 0) // _TILE)), np.uint8)
+        self._runtime.library.yasps_mark_tiles(
+            ctypes.addressof(task),
+            ctypes.addressof(part) if part is not None else None,
+            scalars,
+            sizes.ctypes.data,
+            pieces,
+            chunks,
+            tiles.ctypes.data,
+            threads,
+        )
+        return _Marks(call.kappa, position, part_size, cut, tiles)
 
 
 def evaluate(
@@ -176,6 +257,7 @@ def _task_of(call: KernelCall, index: int, parts: Sequence[BlockMatrix]) -> _Tas
         kappa.ctypes.data,
         position.ctypes.data if with_blocks and position is not None else None,
         call.part if with_blocks else -1,
+        None,
         -1,
         0,
     )

@@ -2,7 +2,7 @@
 //
 // Local blocks are dropped into one bucket per block row. Within a bucket a marker array finds the distinct
 // columns, which are then few enough to sort one row at a time. Rows are independent, so the result does not
-// depend on the number of threads.
+// depend on the number of threads. Rows without any block cost next to nothing: contacts touch few.
 #include <algorithm>
 #include <new>
 
@@ -60,10 +60,9 @@ void fill_buckets(const Layout& layout, const int* kappa, int capacity, Range in
                     position[k] = -1;
                     continue;
                 }
-                const bool transposed = i_block > j_block;
-                const int row = transposed ? j_block : i_block;
-                const int col = transposed ? i_block : j_block;
-                const uint32_t flags = (transposed ? 1u : 0u) | (a != b && i_block == j_block ? 2u : 0u);
+                // No branches: which of two blocks comes first is anyone's guess.
+                const int row = std::min(i_block, j_block), col = std::max(i_block, j_block);
+                const uint32_t flags = (i_block > j_block ? 1u : 0u) | (a != b && i_block == j_block ? 2u : 0u);
                 entries[next_entry[row]++] = {static_cast<uint32_t>(col) * 4u + flags,
                                               static_cast<uint32_t>(first_source + k)};
             }
@@ -80,45 +79,61 @@ struct Energies {
     const long* first_source;  // [count + 1]
 };
 
-// Distinct columns of one row, ascending, in s.unique from the row's bucket on; counts them by block size.
-void find_columns(Structure& s, const Layout& layout, long row, bool with_diagonal, int* marker) {
+// Distinct columns of the a-th active row, ascending, in s.unique from the row's bucket on; counts them by block size.
+void find_columns(Structure& s, const Layout& layout, long a, bool with_diagonal, int* marker) {
+    const int row = s.active[a];
     // The bucket keeps one more place than it has entries, for the diagonal block.
     const long begin = s.bucket_start[row] + row;
     int* const unique = s.unique.data + begin;
     int count = 0;
     if (with_diagonal) {
-        marker[row] = static_cast<int>(row);
-        unique[count++] = static_cast<int>(row);
+        marker[row] = row;
+        unique[count++] = row;
     }
     for (long e = s.bucket_start[row]; e < s.bucket_start[row + 1]; ++e) {
         const int col = static_cast<int>(s.entries[e].column >> 2);
-        if (marker[col] == row) continue;
-        marker[col] = static_cast<int>(row);
-        unique[count++] = col;
+        unique[count] = col;
+        count += marker[col] != row ? 1 : 0;
+        marker[col] = row;
     }
     std::sort(unique, unique + count);
-    s.unique_count[row] = count;
-    long* const by_class = s.class_start.data + row * layout.classes;
-    for (int k = 0; k < layout.classes; ++k) by_class[k] = 0;
-    for (int u = 0; u < count; ++u) ++by_class[layout.class_of[unique[u]]];
+    s.unique_count[a] = count;
+    Share* const shares = s.shares.data + a * layout.classes;
+    if (layout.classes == 1) {  // spares most scenes a look at each column
+        shares[0] = {count, count > 0 ? unique[count - 1] : 0};
+        return;
+    }
+    for (int k = 0; k < layout.classes; ++k) shares[k] = {0, 0};
+    for (int u = 0; u < count; ++u) {
+        Share& share = shares[layout.class_of[unique[u]]];
+        ++share.blocks;
+        share.last_col = unique[u];
+    }
 }
 
 // Lays the groups out one after another and turns the counts per (row, size) into first block indices.
 void place_groups(Structure& s, const Layout& layout) {
     const int classes = layout.classes;
     s.group_count = 0;
-    long block = 0, value = 0;
+    long block = 0, value = 0, next_run = 0;
     for (int r = 0; r < classes; ++r) {
         for (int c = 0; c < classes; ++c) {
-            Group group = {layout.class_size[r], layout.class_size[c], block, 0, value};
-            for (long row = 0; row < layout.blocks; ++row) {
+            Group group = {layout.class_size[r], layout.class_size[c], block, 0, value, next_run, 0};
+            int reach = 0;
+            for (long a = 0; a < s.active_rows; ++a) {
+                const int row = s.active[a];
                 if (layout.class_of[row] != r) continue;
-                long& start = s.class_start[row * classes + c];
-                const long count = start;
-                start = group.count;
+                Share& share = s.shares[a * classes + c];
+                const long count = share.blocks;
+                share.blocks = group.count;
+                if (count == 0) continue;
+                reach = std::max(reach, layout.padded_start[share.last_col + 1]);
+                s.runs[next_run++] = {group.count, layout.padded_start[row], reach};
                 group.count += count;
             }
             if (group.count == 0) continue;
+            group.runs = next_run - group.first_run;
+            s.runs[next_run++] = {group.count, INT32_MAX, reach};
             block += group.count;
             value += group.count * group.rows * group.cols;
             s.groups[s.group_count++] = group;
@@ -134,22 +149,21 @@ const Group* find_group(const Structure& s, int rows, int cols) {
     return nullptr;
 }
 
-// Writes the row's coordinates and the positions of all local blocks that end there.
-void write_row(Structure& s, const Layout& layout, const Energies& energies, long row, long* place) {
-    s.diagonal[row] = -1;
+// Writes the coordinates of the a-th active row and the positions of all local blocks that end there.
+void write_row(Structure& s, const Layout& layout, const Energies& energies, long a, long* place) {
+    const int row = s.active[a];
     const int* const unique = s.unique.data + s.bucket_start[row] + row;
     for (int k = 0; k < layout.classes; ++k) {
         const Group* const group = find_group(s, layout.size[row], layout.class_size[k]);
         if (group == nullptr) continue;
-        long in_group = s.class_start[row * layout.classes + k];
-        for (int u = 0; u < s.unique_count[row]; ++u) {
+        long in_group = s.shares[a * layout.classes + k].blocks;
+        for (int u = 0; u < s.unique_count[a]; ++u) {
             const int col = unique[u];
             if (layout.class_of[col] != k) continue;
             const long block = group->first_block + in_group;
             const long offset = group->first_value + in_group * group->rows * group->cols;
-            s.row[block] = static_cast<int>(row);
+            s.row[block] = row;
             s.col[block] = col;
-            s.padded_row[block] = layout.padded_start[row];
             s.padded_col[block] = layout.padded_start[col];
             if (col == row) s.diagonal[row] = offset;
             place[col] = offset * 4;
@@ -172,26 +186,31 @@ void write_row(Structure& s, const Layout& layout, const Energies& energies, lon
 bool reserve_scratch(Structure& s, const Layout& layout, int threads, long slot_stride, Buffer<int>& slots) {
     const long n = layout.blocks;
     return s.counts.reserve(n * threads) && s.next_entry.reserve(n * threads) && s.bucket_start.reserve(n + 1) &&
-           s.unique_count.reserve(n) && s.marker.reserve(n * threads) && s.place.reserve(n * threads) &&
-           s.class_start.reserve(n * layout.classes) &&
+           s.active.reserve(n) && s.unique_count.reserve(n) && s.marker.reserve(n * threads) &&
+           s.place.reserve(n * threads) && s.shares.reserve(n * layout.classes) && s.diagonal.reserve(n) &&
            s.groups.reserve(static_cast<long>(layout.classes) * layout.classes) && slots.reserve(threads * slot_stride);
 }
 
-// Prefix sums over (row, thread): where each thread puts its next entry of each row.
-void place_buckets(Structure& s, long rows, int threads) {
+// Prefix sums over (row, thread): where each thread puts its next entry of each row. Lists the rows with blocks.
+void place_buckets(Structure& s, long rows, bool with_diagonal, int threads) {
     long total = 0;
+    s.active_rows = 0;
     for (long row = 0; row < rows; ++row) {
         s.bucket_start[row] = total;
         for (int t = 0; t < threads; ++t) {
             s.next_entry[t * rows + row] = total;
             total += s.counts[t * rows + row];
         }
+        // Without a branch, which would be mispredicted: contacts touch rows at random.
+        s.active[s.active_rows] = static_cast<int>(row);
+        s.active_rows += with_diagonal || total > s.bucket_start[row] ? 1 : 0;
     }
     s.bucket_start[rows] = total;
 }
 
-int build_structure(Structure& s, const Energies& energies, bool with_diagonal, int threads, long* where) {
-    const Layout& layout = s.next_layout;
+// `layout` is s.next_layout where that is new.
+int build_structure(Structure& s, const Layout& layout, const Energies& energies, bool with_diagonal, int threads,
+                    long* where) {
     const long rows = layout.blocks;
     int largest_capacity = 1;
     for (long e = 0; e < energies.count; ++e)
@@ -222,10 +241,12 @@ int build_structure(Structure& s, const Energies& energies, bool with_diagonal, 
         return kBadSlot;
     }
 
-    place_buckets(s, rows, threads);
+    place_buckets(s, rows, with_diagonal, threads);
     const long entries = s.bucket_start[rows];
-    if (!s.entries.reserve(entries) || !s.unique.reserve(entries + rows) || !s.diagonal.reserve(rows))
+    const long most_runs = (s.active_rows + layout.classes) * layout.classes;
+    if (!s.entries.reserve(entries) || !s.unique.reserve(entries + rows) || !s.runs.reserve(most_runs))
         return kOutOfMemory;
+    memset(s.diagonal.data, -1, static_cast<size_t>(rows) * sizeof(long));
     memset(s.marker.data, -1, static_cast<size_t>(rows * threads) * sizeof(int));
 #pragma omp parallel for num_threads(threads) schedule(static)
     for (int t = 0; t < threads; ++t)
@@ -234,23 +255,21 @@ int build_structure(Structure& s, const Energies& energies, bool with_diagonal, 
                          energies.first_source[e], slots.data + t * slot_stride, s.next_entry.data + t * rows,
                          s.entries.data, energies.position[e]);
 #pragma omp parallel for num_threads(threads) schedule(dynamic, 512)
-    for (long row = 0; row < rows; ++row)
-        find_columns(s, layout, row, with_diagonal, s.marker.data + omp_get_thread_num() * rows);
+    for (long a = 0; a < s.active_rows; ++a)
+        find_columns(s, layout, a, with_diagonal, s.marker.data + omp_get_thread_num() * rows);
 
     place_groups(s, layout);
-    if (!s.row.reserve(s.blocks) || !s.col.reserve(s.blocks) || !s.padded_row.reserve(s.blocks) ||
-        !s.padded_col.reserve(s.blocks))
-        return kOutOfMemory;
+    if (!s.row.reserve(s.blocks) || !s.col.reserve(s.blocks) || !s.padded_col.reserve(s.blocks)) return kOutOfMemory;
 #pragma omp parallel for num_threads(threads) schedule(dynamic, 512)
-    for (long row = 0; row < rows; ++row)
-        write_row(s, layout, energies, row, s.place.data + omp_get_thread_num() * rows);
-    s.layout.swap(s.next_layout);
+    for (long a = 0; a < s.active_rows; ++a)
+        write_row(s, layout, energies, a, s.place.data + omp_get_thread_num() * rows);
+    if (&layout == &s.next_layout) s.layout.swap(s.next_layout);
     return kOk;
 }
 
 }  // namespace
 
-bool Layout::build(long targets, const long* boundaries, const int* block_sizes) {
+bool Layout::build(long targets, const long* boundaries, const int* block_sizes, const int* order) {
     scalars = boundaries[targets];
     blocks = 0, classes = 0, largest = 0;
     if (!class_size.reserve(targets)) return false;
@@ -269,22 +288,26 @@ bool Layout::build(long targets, const long* boundaries, const int* block_sizes)
         !padded_start.reserve(blocks + 1) || !inverse_start.reserve(blocks + 1))
         return false;
     for (long i = 0; i < scalars; ++i) block_at[i] = -1;
-    long block = 0, inverse = 0;
-    padded = 0;
+    long given = 0;
     for (long t = 0; t < targets; ++t) {
         const int q = block_sizes[t];
         int k = 0;
         while (class_size[k] != q) ++k;
-        for (long offset = boundaries[t]; offset < boundaries[t + 1]; offset += q, ++block) {
-            block_at[offset] = static_cast<int>(block);
+        for (long offset = boundaries[t]; offset < boundaries[t + 1]; offset += q, ++given) {
+            const int block = order != nullptr ? order[given] : static_cast<int>(given);
+            block_at[offset] = block;
             start[block] = static_cast<int>(offset);
             size[block] = q;
             class_of[block] = k;
-            padded_start[block] = static_cast<int>(padded);
-            inverse_start[block] = inverse;
-            padded += padded_size(q);
-            inverse += static_cast<long>(q) * padded_size(q);
         }
+    }
+    long inverse = 0;
+    padded = 0;
+    for (long block = 0; block < blocks; ++block) {
+        padded_start[block] = static_cast<int>(padded);
+        inverse_start[block] = inverse;
+        padded += padded_size(size[block]);
+        inverse += static_cast<long>(size[block]) * padded_size(size[block]);
     }
     padded_start[blocks] = static_cast<int>(padded);
     inverse_start[blocks] = inverse;
@@ -306,13 +329,6 @@ void Layout::swap(Layout& other) {
     inverse_start.swap(other.inverse_start);
 }
 
-Range Layout::blocks_of_part(long t, long parts) const {
-    const int* const begin = padded_start.data;
-    const int* const end = begin + blocks;
-    const Range range = piece(padded, t, parts);
-    return {std::lower_bound(begin, end, range.begin) - begin, std::lower_bound(begin, end, range.end) - begin};
-}
-
 }  // namespace yasps
 
 extern "C" {
@@ -321,18 +337,21 @@ yasps::Structure* yasps_structure_new() { return new (std::nothrow) yasps::Struc
 void yasps_structure_free(yasps::Structure* s) { delete s; }
 
 // See build_structure. On failure the structure is as it was before the call, unless memory ran out.
-// `where` receives (energy, instance, slot) of a slot that is not the start of a dof block.
+// `where` receives (energy, instance, slot) of a slot that is not the start of a dof block. order: see Layout, or null.
+// boundaries is null where targets and order are those of the last build.
 int yasps_structure_build(yasps::Structure* s, long targets, const long* boundaries, const int* block_sizes,
-                          long energy_count, const long* instances, const int* capacity, const int* const* kappa,
-                          long* const* position, int with_diagonal, int threads, long* where) {
-    if (!s->next_layout.build(targets, boundaries, block_sizes)) return yasps::kOutOfMemory;
+                          const int* order, long energy_count, const long* instances, const int* capacity,
+                          const int* const* kappa, long* const* position, int with_diagonal, int threads, long* where) {
+    const bool fresh = boundaries != nullptr;
+    if (fresh && !s->next_layout.build(targets, boundaries, block_sizes, order)) return yasps::kOutOfMemory;
     yasps::Buffer<long> first_source;
     if (!first_source.reserve(energy_count + 1)) return yasps::kOutOfMemory;
     first_source[0] = 0;
     for (long e = 0; e < energy_count; ++e)
         first_source[e + 1] = first_source[e] + instances[e] * yasps::pairs_of(capacity[e]);
     const yasps::Energies energies = {energy_count, instances, capacity, kappa, position, first_source.data};
-    return yasps::build_structure(*s, energies, with_diagonal != 0, threads, where);
+    const yasps::Layout& layout = fresh ? s->next_layout : s->layout;
+    return yasps::build_structure(*s, layout, energies, with_diagonal != 0, threads, where);
 }
 
 // sizes: scalars, dof blocks, global blocks, doubles in HessianBlocks, number of groups.

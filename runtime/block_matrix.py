@@ -10,7 +10,8 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import sparse
 
-from yasps.runtime.library import FloatArray, IntArray, LongArray, Runtime, as_vector, check_status
+from yasps.runtime.library import FloatArray, IntArray, LongArray, Runtime, as_vector, check_status, piece_count
+from yasps.runtime.ordering import FEWEST_BLOCKS, bandwidth_reducing_order
 
 _BAD_SLOT = 2
 _TOO_MANY_BLOCKS = 3
@@ -22,10 +23,11 @@ _READ_AHEAD = 4
 
 @dataclass(frozen=True)
 class BlockGroup:
-    """All blocks of one shape, sorted by (row, col).
+    """All blocks of one shape, sorted by (row, col) in the order of the matrix.
 
     rows, cols: int32 [count], the scalar offsets of each block's first row and column. values: float64
-    [count, r, c], a view into the matrix, so writing it changes the matrix.
+    [count, r, c], a view into the matrix, so writing it changes the matrix. Of the blocks (i, j) and (j, i) only one is
+    stored: where the dof blocks were not reordered the one above the diagonal, else any of the two.
     """
 
     r: int
@@ -41,6 +43,9 @@ class BlockMatrix:
     A matrix without any unknowns until `build`; `build` can be called again and reuses memory. Diagonal blocks are
     stored in full, of the others only those above the diagonal. Blocks lie in groups of equal shape (r, c), ordered by
     r, then c; within a group by (row, col).
+
+    Inside, dof blocks can have another order than that of the scalars, in which products are faster. It decides which
+    of two symmetric blocks is stored, and where; vectors and offsets that come in or go out are those of the scalars.
 
     with_diagonal: every dof block gets a diagonal block, whether an energy touches it or not. The static part of a
     Hessian needs that, since the preconditioner inverts these blocks.
@@ -62,6 +67,9 @@ class BlockMatrix:
         self._storage: FloatArray = np.zeros(_READ_AHEAD)
         self._groups: list[BlockGroup] | None = None
         self._is_built = False
+        self._chose_order = False
+        #: int32 [dof blocks]: the place of each dof block inside, None where that is the order of the scalars.
+        self.order: IntArray | None = None
         self.boundaries: LongArray = np.zeros(1, np.int64)
         self.block_sizes: IntArray = np.zeros(0, np.int32)
         #: int32 [size]: the size of the dof block that starts at this scalar offset, 0 where none does.
@@ -84,12 +92,18 @@ class BlockMatrix:
         block_sizes: IntArray,
         kappas: Sequence[IntArray],
         threads: int | None = None,
+        *,
+        order: IntArray | None = None,
+        reorder: bool = False,
     ) -> list[LongArray]:
         """Derive the sparsity from the index arrays of all energies; values become zero.
 
         boundaries: int64 [T + 1], scalar offset of each target, from 0 to the number of unknowns. block_sizes: int32
         [T], scalars per instance of each target. kappas: for each energy int32 [n, c]: 1-based scalar offsets of the
-        dof blocks that its slots contribute to, 0 = no contribution.
+        dof blocks that its slots contribute to, 0 = no contribution. order: the place of each dof block inside, a
+        permutation of 0 .. dof blocks - 1; matrices to be solved together need the same one, so give the one that the
+        static part chose to the dynamic one. reorder: instead choose an order with small bandwidth, where that is worth
+        it; chosen once and kept while boundaries and block_sizes stay.
 
         Returns PositionInData of each energy, int64 [n, c (c + 1) / 2]. Column k is the k-th pair (a <= b) of slots,
         row by row; the entry is -1 where a slot does not contribute, else 4 * (offset of the global block in `values`)
@@ -101,6 +115,53 @@ class BlockMatrix:
         """
         boundaries, block_sizes = _check_layout(boundaries, block_sizes)
         kappas = [_check_kappa(kappa, energy) for energy, kappa in enumerate(kappas)]
+        if not reorder:
+            if order is not None and order is not self.order:
+                order = _check_order(order, boundaries, block_sizes)
+            positions = self._build(boundaries, block_sizes, order, kappas, threads)
+            self._chose_order = False
+            return positions
+        if order is not None:
+            raise ValueError("either give an order or have one chosen with reorder=True, not both")
+        if self._chose_order and self._has_layout(boundaries, block_sizes):
+            return self._build(boundaries, block_sizes, self.order, kappas, threads)
+        positions = self._build(boundaries, block_sizes, None, kappas, threads)
+        order = self._better_order()
+        if order is not None:
+            positions = self._build(boundaries, block_sizes, order, kappas, threads)
+        self._chose_order = True
+        return positions
+
+    def has_order_of(self, other: BlockMatrix) -> bool:
+        """Whether both have the same order of dof blocks inside."""
+        if self.order is None or other.order is None:
+            return self.order is other.order
+        return self.order is other.order or np.array_equal(self.order, other.order)
+
+    def _has_layout(self, boundaries: LongArray, block_sizes: IntArray) -> bool:
+        same = np.array_equal(boundaries, self.boundaries) and np.array_equal(block_sizes, self.block_sizes)
+        return self._is_built and same
+
+    def _better_order(self) -> IntArray | None:
+        numbers = np.cumsum(self.block_size_at > 0, dtype=np.int32) - 1
+        count = int(numbers[-1]) + 1 if numbers.size else 0
+        if count < FEWEST_BLOCKS:
+            return None
+        rows, cols = self._coordinates()
+        return bandwidth_reducing_order(numbers[rows], numbers[cols], count)
+
+    def _build(
+        self,
+        boundaries: LongArray,
+        block_sizes: IntArray,
+        order: IntArray | None,
+        kappas: list[IntArray],
+        threads: int | None,
+    ) -> list[LongArray]:
+        same_order = order is self.order or (
+            order is not None and self.order is not None and np.array_equal(order, self.order)
+        )
+        same_layout = same_order and self._has_layout(boundaries, block_sizes)
         capacities = np.array([kappa.shape[1] for kappa in kappas], np.int32)
         instances = np.array([kappa.shape[0] for kappa in kappas], np.int64)
         positions: list[LongArray] = [
@@ -114,8 +175,9 @@ class BlockMatrix:
         status = library.yasps_structure_build(
             self.handle,
             len(block_sizes),
-            boundaries.ctypes.data,
+            None if same_layout else boundaries.ctypes.data,
             block_sizes.ctypes.data,
+            order.ctypes.data if order is not None else None,
             count,
             instances.ctypes.data,
             capacities.ctypes.data,
@@ -138,8 +200,11 @@ class BlockMatrix:
             self._forget()
         check_status(status)
         self._is_built = True
-        self.boundaries = boundaries
-        self.block_sizes = block_sizes
+        if not same_layout:
+            self.boundaries = boundaries
+            self.block_sizes = block_sizes
+            self.order = order
+            self.block_size_at = _block_sizes_at(boundaries, block_sizes)
         self._read_structure()
         return positions
 
@@ -147,9 +212,7 @@ class BlockMatrix:
     def groups(self) -> list[BlockGroup]:
         """The blocks by shape, ordered by (r, c); shapes that do not occur are left out."""
         if self._groups is None:
-            rows = np.empty(self.block_count, np.int32)
-            cols = np.empty(self.block_count, np.int32)
-            self._runtime.library.yasps_structure_coordinates(self.handle, rows.ctypes.data, cols.ctypes.data)
+            rows, cols = self._coordinates()
             self._groups = []
             for r, c, first, count, value in self._group_table().tolist():
                 blocks = self.values[value : value + count * r * c].reshape(count, r, c)
@@ -157,9 +220,19 @@ class BlockMatrix:
                 self._groups.append(BlockGroup(r, c, rows[part], cols[part], blocks))
         return self._groups
 
-    def multiply(self, x: FloatArray, threads: int | None = None) -> FloatArray:
-        """H x for float64 [size] x, with the full symmetric matrix. Raises ValueError for another shape."""
+    def _coordinates(self) -> tuple[IntArray, IntArray]:
+        rows = np.empty(self.block_count, np.int32)
+        cols = np.empty(self.block_count, np.int32)
+        self._runtime.library.yasps_structure_coordinates(self.handle, rows.ctypes.data, cols.ctypes.data)
+        return rows, cols
+
+    def multiply(self, x: FloatArray, threads: int | None = None, *, deterministic: bool = False) -> FloatArray:
+        """H x for float64 [size] x, with the full symmetric matrix. Raises ValueError for another shape.
+
+        The result is the same bit for bit for the same number of threads; with `deterministic` for any number.
+        """
         vector = as_vector(x, self.size, "x")
+        count = self._runtime.thread_count(threads)
         result = np.empty(self.size)
         status = self._runtime.library.yasps_multiply(
             self._workspace,
@@ -167,7 +240,8 @@ class BlockMatrix:
             self.values.ctypes.data,
             vector.ctypes.data,
             result.ctypes.data,
-            self._runtime.thread_count(threads),
+            count,
+            piece_count(count, deterministic),
         )
         check_status(status)
         return result
@@ -218,14 +292,11 @@ class BlockMatrix:
         self.block_count = int(sizes[2])
         table = self._group_table()
         self.largest_block = int((table[:, 0] * table[:, 1]).max(initial=0))
-        self.block_size_at = np.zeros(self.size, np.int32)
-        for target, q in enumerate(self.block_sizes.tolist()):
-            self.block_size_at[self.boundaries[target] : self.boundaries[target + 1] : q] = q
         self._groups = None
 
     def _forget(self) -> None:
         """Become empty after a build that ran out of memory."""
-        self._is_built = False
+        self._is_built = self._chose_order = False
         self._storage = np.zeros(_READ_AHEAD)
         self.build(np.zeros(1, np.int64), np.zeros(0, np.int32), [])
 
@@ -249,6 +320,23 @@ def _check_layout(boundaries: LongArray, block_sizes: IntArray) -> tuple[LongArr
     if bounds[-1] > _MOST_SCALARS:
         raise ValueError(f"{bounds[-1]} unknowns; the runtime can index at most {_MOST_SCALARS}")
     return bounds.copy(), sizes.copy()
+
+
+def _check_order(order: IntArray, boundaries: LongArray, block_sizes: IntArray) -> IntArray:
+    count = int((np.diff(boundaries) // block_sizes).sum())
+    places = np.ascontiguousarray(order, dtype=np.int32)
+    if places.shape != (count,):
+        raise ValueError(f"order has shape {places.shape}; there are {count} dof blocks, so ({count},) is needed")
+    if count and (places.min() < 0 or (np.bincount(places, minlength=count) != 1).any()):
+        raise ValueError(f"order is not a permutation: each of 0 .. {count - 1} must occur once")
+    return places
+
+
+def _block_sizes_at(boundaries: LongArray, block_sizes: IntArray) -> IntArray:
+    sizes = np.zeros(int(boundaries[-1]), np.int32)
+    for target, q in enumerate(block_sizes.tolist()):
+        sizes[boundaries[target] : boundaries[target + 1] : q] = q
+    return sizes
 
 
 def _check_kappa(kappa: IntArray, energy: int) -> IntArray:

@@ -1,14 +1,15 @@
 // Symmetric block-sparse matrix-vector product, specialised per block shape (paper, appendix C).
 //
-// Only the upper triangle is stored, so each block off the diagonal also applies its transpose. Blocks of one row
-// follow each other, so a row's result stays in registers until the row changes. Every thread adds into its own
-// vector; the caller adds those up in a fixed order.
+// Only the upper triangle is stored, so each block off the diagonal also applies its transpose. The blocks of one row
+// follow each other: its part of x and of the result stay in registers while they last.
+#include <algorithm>
+
 #include "runtime.h"
 
 namespace yasps {
 namespace {
 
-// Keeps the first C % 4 lanes of a block row's last vector; the rest was read from beyond the row.
+// The first C % 4 lanes of the last vector of C numbers; the others were read from beyond them.
 template <int C>
 d4 keep_columns(d4 v) {
     const d4 zero = {};
@@ -18,80 +19,116 @@ d4 keep_columns(d4 v) {
     return v;
 }
 
-// y += B x for the row sums gathered so far; sums hold one vector per row of the block.
+inline d4 splat(double v) { return d4{v, v, v, v}; }
+
+// What the blocks of one row add up to for each of its R scalars, before the lanes are added. Numbers from beyond the
+// last column get into lanes of `tails` that are dropped at the end: masking every block would take longer.
 template <int R, int C>
-void flush(d4 (&sums)[R][(C + 3) / 4], double* y) {
+struct RowSums {
+    static constexpr int kWhole = C / 4;
+    static constexpr bool kTail = C % 4 != 0;
+    d4 whole[R] = {};
+    d4 tails[R] = {};
+
+    double total(int i) const {
+        if (!kTail) return sum_of(whole[i]);
+        double tail = tails[i][0];
+        for (int lane = 1; lane < C % 4; ++lane) tail += tails[i][lane];
+        return kWhole == 0 ? tail : sum_of(whole[i]) + tail;
+    }
+};
+
+// Adds block x to the row's sums, and transpose(block) x to y where kTwice; xi holds each of the row's numbers of x in
+// all lanes.
+template <int R, int C, bool kTwice>
+void apply(const double* block, const double* xj, const d4 (&xi)[R], RowSums<R, C>& sums, double* y) {
     constexpr int kVectors = (C + 3) / 4;
+    d4 transposed[kVectors] = {};
 #pragma GCC unroll 12
     for (int i = 0; i < R; ++i) {
-        d4 total = keep_columns<C>(sums[i][kVectors - 1]);
-        for (int v = 0; v + 1 < kVectors; ++v) total += sums[i][v];
-        y[i] += sum_of(total);
-        for (int v = 0; v < kVectors; ++v) sums[i][v] = d4{};
+#pragma GCC unroll 3
+        for (int v = 0; v < kVectors; ++v) {
+            const d4 entries = load_unaligned(block + i * C + 4 * v);
+            d4& sum = v == RowSums<R, C>::kWhole ? sums.tails[i] : sums.whole[i];
+            sum += entries * load(xj + 4 * v);
+            if (kTwice) transposed[v] += entries * xi[i];
+        }
     }
+    if (!kTwice) return;
+    // With one vector a block the lanes beyond C are masked in xi, once a row.
+    if (kVectors > 1) transposed[kVectors - 1] = keep_columns<C>(transposed[kVectors - 1]);
+#pragma GCC unroll 3
+    for (int v = 0; v < kVectors; ++v) store(y + 4 * v, load(y + 4 * v) + transposed[v]);
 }
 
 // HessianBlocks must be readable four doubles past the last block.
 template <int R, int C>
-void multiply_shape(Range range, const int* rows, const int* cols, const double* blocks, const double* x, double* y) {
-    constexpr int kVectors = (C + 3) / 4;
-    d4 sums[R][kVectors] = {};
-    double ignored[4 * kVectors] __attribute__((aligned(32))) = {};
-    int row = -1;
-    for (long b = range.begin; b < range.end; ++b) {
-        if (rows[b] != row) {
-            if (row >= 0) flush<R, C>(sums, y + row);
-            row = rows[b];
-        }
-        const double* const xi = x + rows[b];
-        const double* const xj = x + cols[b];
-        const double* const block = blocks + b * (R * C);
-        // A diagonal block is its own transpose; its second contribution goes nowhere, without a branch.
-        double* const yj = cols[b] == row ? ignored : y + cols[b];
-        d4 transposed[kVectors] = {};
+void multiply_runs(const Run* run, const Run* end, const int* cols, const double* blocks, const double* __restrict x,
+                   double* __restrict y) {
+    for (; run != end; ++run) {
+        const double* const x_row = x + run->row;
+        d4 xi[R];
 #pragma GCC unroll 12
-        for (int i = 0; i < R; ++i) {
-#pragma GCC unroll 3
-            for (int v = 0; v < kVectors; ++v) {
-                const d4 entries = load_unaligned(block + i * C + 4 * v);
-                sums[i][v] += entries * load(xj + 4 * v);
-                transposed[v] += entries * xi[i];
+        for (int i = 0; i < R; ++i) xi[i] = C <= 4 ? keep_columns<C>(splat(x_row[i])) : splat(x_row[i]);
+        RowSums<R, C> sums;
+        long b = run->first;
+        // A diagonal block comes first in its row and is its own transpose.
+        if (R == C && cols[b] == run->row) {
+            apply<R, C, false>(blocks + b * (R * C), x_row, xi, sums, nullptr);
+            ++b;
+        }
+        for (; b < run[1].first; ++b) apply<R, C, true>(blocks + b * (R * C), x + cols[b], xi, sums, y + cols[b]);
+        double* const y_row = y + run->row;
+#pragma GCC unroll 12
+        for (int i = 0; i < R; ++i) y_row[i] += sums.total(i);
+    }
+}
+
+// Blocks of one number need no vectors.
+template <>
+void multiply_runs<1, 1>(const Run* run, const Run* end, const int* cols, const double* blocks,
+                         const double* __restrict x, double* __restrict y) {
+    for (; run != end; ++run) {
+        const double xi = x[run->row];
+        double sum = 0;
+        long b = run->first;
+        if (cols[b] == run->row) sum = blocks[b++] * xi;
+        for (; b < run[1].first; ++b) {
+            sum += blocks[b] * x[cols[b]];
+            y[cols[b]] += blocks[b] * xi;
+        }
+        y[run->row] += sum;
+    }
+}
+
+void multiply_any_shape(int r, int c, const Run* run, const Run* end, const int* cols, const double* blocks,
+                        const double* x, double* y) {
+    for (; run != end; ++run) {
+        const double* const xi = x + run->row;
+        double* const yi = y + run->row;
+        for (long b = run->first; b < run[1].first; ++b) {
+            const double* const xj = x + cols[b];
+            double* const yj = y + cols[b];
+            const double* block = blocks + b * r * c;
+            const bool diagonal = cols[b] == run->row;
+            for (int i = 0; i < r; ++i, block += c) {
+                double sum = 0;
+                for (int j = 0; j < c; ++j) sum += block[j] * xj[j];
+                if (!diagonal)
+                    for (int j = 0; j < c; ++j) yj[j] += block[j] * xi[i];
+                yi[i] += sum;
             }
         }
-#pragma GCC unroll 3
-        for (int v = 0; v + 1 < kVectors; ++v) store(yj + 4 * v, load(yj + 4 * v) + transposed[v]);
-        double* const last = yj + 4 * (kVectors - 1);
-        store(last, load(last) + keep_columns<C>(transposed[kVectors - 1]));
-    }
-    if (row >= 0) flush<R, C>(sums, y + row);
-}
-
-void multiply_any_shape(int r, int c, Range range, const int* rows, const int* cols, const double* blocks,
-                        const double* x, double* y) {
-    for (long b = range.begin; b < range.end; ++b) {
-        const double* const xi = x + rows[b];
-        const double* const xj = x + cols[b];
-        double* const yi = y + rows[b];
-        double* const yj = y + cols[b];
-        const double* block = blocks + b * r * c;
-        const bool diagonal = rows[b] == cols[b];
-        for (int i = 0; i < r; ++i, block += c) {
-            double sum = 0;
-            for (int j = 0; j < c; ++j) sum += block[j] * xj[j];
-            if (!diagonal)
-                for (int j = 0; j < c; ++j) yj[j] += block[j] * xi[i];
-            yi[i] += sum;
-        }
     }
 }
 
-void multiply_group(const Group& group, Range range, const int* rows, const int* cols, const double* blocks,
+void multiply_group(const Group& group, const Run* run, const Run* end, const int* cols, const double* blocks,
                     const double* x, double* y) {
     const bool small = group.rows < 64 && group.cols < 64;
     switch (small ? group.rows * 64 + group.cols : 0) {
-#define YASPS_SHAPE(R, C)                                      \
-    case (R) * 64 + (C):                                       \
-        multiply_shape<R, C>(range, rows, cols, blocks, x, y); \
+#define YASPS_SHAPE(R, C)                                  \
+    case (R) * 64 + (C):                                   \
+        multiply_runs<R, C>(run, end, cols, blocks, x, y); \
         return;
         YASPS_SHAPE(1, 1)
         YASPS_SHAPE(2, 2)
@@ -109,41 +146,53 @@ void multiply_group(const Group& group, Range range, const int* rows, const int*
         YASPS_SHAPE(12, 12)
 #undef YASPS_SHAPE
         default:
-            multiply_any_shape(group.rows, group.cols, range, rows, cols, blocks, x, y);
+            multiply_any_shape(group.rows, group.cols, run, end, cols, blocks, x, y);
     }
+}
+
+// The first run of the group in this row or a later one; the one behind the last where there is none.
+const Run* first_run(const Structure& s, const Group& group, long row) {
+    const Run* const runs = s.runs.data + group.first_run;
+    return std::lower_bound(runs, runs + group.runs, row, [](const Run& run, long wanted) { return run.row < wanted; });
 }
 
 }  // namespace
 
-void multiply_part(const Structure& s, const double* values, long thread, long threads, const double* x, double* y) {
+void multiply_rows(const Structure& s, const double* values, Range rows, const double* x, double* y) {
     for (int g = 0; g < s.group_count; ++g) {
         const Group& group = s.groups[g];
-        multiply_group(group, piece(group.count, thread, threads), s.padded_row.data + group.first_block,
+        multiply_group(group, first_run(s, group, rows.begin), first_run(s, group, rows.end),
                        s.padded_col.data + group.first_block, values + group.first_value, x, y);
     }
 }
 
-Range touched_by_part(const Structure& s, long thread, long threads) {
-    long lowest = s.layout.padded, highest = 0;
+long reach_of(const Structure& s, Range rows) {
+    long reach = rows.end;
     for (int g = 0; g < s.group_count; ++g) {
         const Group& group = s.groups[g];
-        const Range range = piece(group.count, thread, threads);
-        if (range.begin == range.end) continue;
-        const int* const rows = s.padded_row.data + group.first_block;
-        const int* const cols = s.padded_col.data + group.first_block;
-        // Rows ascend, and no column lies left of its row.
-        if (rows[range.begin] < lowest) lowest = rows[range.begin];
-        int last_col = 0;
-        for (long b = range.begin; b < range.end; ++b) last_col = cols[b] > last_col ? cols[b] : last_col;
-        const long row_end = rows[range.end - 1] + padded_size(group.rows);
-        const long col_end = last_col + padded_size(group.cols);
-        if (row_end > highest) highest = row_end;
-        if (col_end > highest) highest = col_end;
+        const Run* const end = first_run(s, group, rows.end);
+        if (end != first_run(s, group, rows.begin) && end[-1].reach > reach) reach = end[-1].reach;
     }
-    return lowest < highest ? Range{lowest, highest} : Range{0, 0};
+    return reach;
+}
+
+long values_before(const Structure& s, long row) {
+    long values = 0;
+    for (int g = 0; g < s.group_count; ++g) {
+        const Group& group = s.groups[g];
+        values += first_run(s, group, row)->first * group.rows * group.cols;
+    }
+    return values;
 }
 
 void pack(const Layout& layout, Range blocks, const double* compact, double* padded) {
+    if (layout.classes == 1 && layout.largest == 3) {  // as in most scenes
+        for (long b = blocks.begin; b < blocks.end; ++b) {
+            const double* const from = compact + layout.start[b];
+            store(padded + 4 * b, d4{from[0], from[1], from[2], 0});
+        }
+        return;
+    }
     for (long b = blocks.begin; b < blocks.end; ++b) {
         const int q = layout.size[b];
         const double* const from = compact + layout.start[b];
@@ -154,6 +203,14 @@ void pack(const Layout& layout, Range blocks, const double* compact, double* pad
 }
 
 void unpack(const Layout& layout, Range blocks, const double* padded, double* compact) {
+    if (layout.classes == 1 && layout.largest == 3) {
+        for (long b = blocks.begin; b < blocks.end; ++b) {
+            const double* const from = padded + 4 * b;
+            double* const to = compact + layout.start[b];
+            to[0] = from[0], to[1] = from[1], to[2] = from[2];
+        }
+        return;
+    }
     for (long b = blocks.begin; b < blocks.end; ++b) {
         const double* const from = padded + layout.padded_start[b];
         double* const to = compact + layout.start[b];

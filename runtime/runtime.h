@@ -39,39 +39,42 @@ template <class T>
 struct Buffer {
     T* data = nullptr;
     long capacity = 0;
+    void* allocated = nullptr;  // where `data` begins, or up to a cache line before
 
     Buffer() = default;
     Buffer(const Buffer&) = delete;
     Buffer& operator=(const Buffer&) = delete;
-    ~Buffer() { free(data); }
+    ~Buffer() { free(allocated); }
 
     T& operator[](long i) { return data[i]; }
     const T& operator[](long i) const { return data[i]; }
 
     // Makes room for n items. What was there is lost when the buffer has to grow. False: out of memory.
-    bool reserve(long n) {
-        if (data != nullptr && n <= capacity) return true;
-        const long grown = n + n / 4 + 1;  // never null, also for nothing
-        void* fresh = nullptr;
-        if (posix_memalign(&fresh, 64, static_cast<size_t>(grown) * sizeof(T) + 64) != 0) return false;
-        free(data);
-        data = static_cast<T*>(fresh);
-        capacity = grown;
-        return true;
-    }
-    // As reserve, and new memory is zero; memory that was already there is left as it is.
-    bool reserve_zero(long n) {
-        const long before = capacity;
-        if (!reserve(n)) return false;
-        if (capacity != before) memset(static_cast<void*>(data), 0, static_cast<size_t>(capacity) * sizeof(T));
-        return true;
-    }
+    bool reserve(long n) { return fits(n) || replace(n, malloc(bytes_of(n))); }
+    // As reserve, and new memory is zero (the system need not provide it before it is written); memory that was
+    // already there is left as it is.
+    bool reserve_zero(long n) { return fits(n) || replace(n, calloc(bytes_of(n), 1)); }
     void swap(Buffer& other) {
-        T* const d = data;
-        const long c = capacity;
-        data = other.data, capacity = other.capacity;
-        other.data = d, other.capacity = c;
+        const auto exchange = [](auto& a, auto& b) {
+            const auto before = a;
+            a = b, b = before;
+        };
+        exchange(data, other.data), exchange(capacity, other.capacity), exchange(allocated, other.allocated);
     }
+
+  private:
+    bool fits(long n) const { return data != nullptr && n <= capacity; }
+    static long room_for(long n) { return n + n / 4 + 1; }  // never nothing
+    static size_t bytes_of(long n) { return static_cast<size_t>(room_for(n)) * sizeof(T) + 2 * kLine; }
+    bool replace(long n, void* fresh) {
+        if (fresh == nullptr) return false;
+        free(allocated);
+        allocated = fresh;
+        data = reinterpret_cast<T*>((reinterpret_cast<uintptr_t>(fresh) + kLine - 1) / kLine * kLine);
+        capacity = room_for(n);
+        return true;
+    }
+    static constexpr size_t kLine = 64;
 };
 
 struct Range {
@@ -90,16 +93,15 @@ struct Layout {
     int largest = 0;             // the largest block size
     Buffer<int> class_size;      // [classes], ascending
     Buffer<int> block_at;        // [scalars]: the block that starts at this scalar offset, or -1
-    Buffer<int> start;           // [blocks]: scalar offset
+    Buffer<int> start;           // [blocks]: scalar offset; ascending unless the blocks were reordered
     Buffer<int> size;            // [blocks]
     Buffer<int> class_of;        // [blocks]: index into class_size
     Buffer<int> padded_start;    // [blocks + 1]
     Buffer<long> inverse_start;  // [blocks + 1]: where the preconditioner keeps the block, rows padded
 
-    bool build(long targets, const long* boundaries, const int* block_sizes);
+    // Dof block k in the order of the scalars becomes block order[k]; null: the blocks keep that order.
+    bool build(long targets, const long* boundaries, const int* block_sizes, const int* order);
     void swap(Layout& other);
-    // The dof blocks of part t when the padded vector is cut into `parts` pieces of about the same length.
-    Range blocks_of_part(long t, long parts) const;
 };
 inline int padded_size(int size) { return (size + 3) & ~3; }
 
@@ -107,13 +109,27 @@ inline int padded_size(int size) { return (size + 3) & ~3; }
 struct Group {
     int rows, cols;
     long first_block, count;
-    long first_value;  // offset in doubles of the group's first block in HessianBlocks
+    long first_value;      // offset in doubles of the group's first block in HessianBlocks
+    long first_run, runs;  // its rows; one more Run follows them to mark the end
+};
+
+// The blocks of one row in a group.
+struct Run {
+    long first;  // block, counted in the group
+    int row;     // as offset into padded vectors
+    int reach;   // end in padded vectors of the furthest column of this row or one before it in the group
 };
 
 // One local block on its way to its row's bucket.
 struct Entry {
     uint32_t column;  // dof block * 4 + flags as in PositionInData
     uint32_t source;  // index into the PositionInData of all energies laid end to end
+};
+
+// What one row has of the blocks of one column size.
+struct Share {
+    long blocks;   // how many; then the first one, counted in the group
+    int last_col;  // dof block
 };
 
 // The sparsity of a symmetric matrix, upper triangle only (paper, appendix B).
@@ -123,24 +139,42 @@ struct Structure {
     long values = 0;      // doubles in HessianBlocks
     int group_count = 0;  // shapes that occur
     Buffer<Group> groups;
-    Buffer<int> row, col;                // [blocks]: dof blocks, row <= col
-    Buffer<int> padded_row, padded_col;  // [blocks]: the same as offsets into padded vectors
-    Buffer<long> diagonal;               // [layout.blocks]: offset of the diagonal block, or -1
+    Buffer<int> row, col;    // [blocks]: dof blocks, row <= col
+    Buffer<int> padded_col;  // [blocks]: col as offset into padded vectors
+    Buffer<Run> runs;
+    Buffer<long> diagonal;  // [layout.blocks]: offset of the diagonal block, or -1
 
     // Scratch of the build, kept for the next one.
     Layout next_layout;
-    Buffer<int> counts, unique, unique_count, marker;
-    Buffer<long> bucket_start, next_entry, class_start, place;
+    Buffer<int> active, counts, unique, unique_count, marker;
+    Buffer<long> bucket_start, next_entry, place;
+    Buffer<Share> shares;  // [active rows, classes]
     Buffer<Entry> entries;
+    long active_rows = 0;  // rows with blocks; `active` lists them
 };
 
-// Adds rows [begin, end) of this thread's share of H x into y; both are padded. See multiply.cpp.
-void multiply_part(const Structure& s, const double* values, long thread, long threads, const double* x, double* y);
-// The part of y that multiply_part writes for this thread.
-Range touched_by_part(const Structure& s, long thread, long threads);
+// Adds to y what the stored blocks of some rows, and their transposes, contribute to H x. Everything is padded, rows
+// too. Writes y from the first row on up to reach_of the same rows. See multiply.cpp.
+void multiply_rows(const Structure& s, const double* values, Range rows, const double* x, double* y);
+long reach_of(const Structure& s, Range rows);
+// Doubles of HessianBlocks in the rows before this one.
+long values_before(const Structure& s, long row);
 
 void pack(const Layout& layout, Range blocks, const double* compact, double* padded);
 void unpack(const Layout& layout, Range blocks, const double* padded, double* compact);
+
+// Eigenvalues above -kProjectionShift * (sum of |diagonal|) count as zero: rigid motions leave that rounding error.
+constexpr double kProjectionShift = 1e-13;
+struct NegativePart {
+    unsigned changed, unfinished;  // bit sets of lanes: had a negative eigenvalue; eigenvalues were not found
+};
+// Removes the negative eigenvalues of 8 or 16 (packs = 1, 2) symmetric n x n matrices, or their signs (flip), in place.
+// packed[k * stride + lane], aligned to 64 bytes, is entry k of the upper triangle, row by row; all are finite.
+// sizes[lane] is the sum of their absolute values. Lanes without negative eigenvalues keep every bit. See
+// negative_part.cpp.
+void remove_negative_part(double* packed, int stride, const double* sizes, int n, int packs, bool flip, double* scratch,
+                          NegativePart* result);
+long negative_part_scratch(int n);  // doubles, aligned to 64 bytes
 
 // Inverts the sum of the diagonal blocks of all parts, for dof blocks [range); see preconditioner.cpp.
 enum InversionStatus { kInverted = 0, kIndefinite = 1, kNonFinite = 2 };
@@ -161,6 +195,7 @@ struct yasps_sink {
     long (*project)(double* packed, int width, int lanes, int mode);
     int mode;  // 0 = clamp, 1 = abs, 2 = leave
     long* projected;
+    long (*project_isotropic)(double* packed, const double* deformation, int width, int lanes, int mode);
 };
 
 typedef long (*yasps_energy_kernel)(const void* const* args, long begin, long end, const yasps_sink* sink);
@@ -170,4 +205,5 @@ typedef void (*yasps_value_kernel)(const void* const* args, long begin, long end
 enum { kYaspsLanes = 8 };
 
 long yasps_project(double* packed, int width, int lanes, int mode);
+long yasps_project_isotropic(double* packed, const double* deformation, int width, int lanes, int mode);
 }

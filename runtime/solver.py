@@ -5,13 +5,13 @@ from __future__ import annotations
 import ctypes
 import weakref
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import Enum
 
 import numpy as np
 
 from yasps.runtime.block_matrix import BlockMatrix
-from yasps.runtime.library import FloatArray, Runtime, as_vector, check_status
+from yasps.runtime.library import FloatArray, Runtime, as_vector, check_status, piece_count
 
 
 class StopReason(Enum):
@@ -30,7 +30,9 @@ class SolveReport:
     reason: see StopReason. iterations: products with H, less one for a start vector. relative_squared_residual:
     r^T M^-1 r / g^T M^-1 g at the end, the quantity that is compared with the tolerance; NaN when the iteration did not
     start. block: scalar offset of the dof block whose diagonal block is to blame (not positive definite or not finite),
-    else None. history: that quantity before each iteration and at the end, when it was asked for.
+    else None. history: that quantity before each iteration and at the end, when it was asked for. solver: what solved:
+    "pcg", or the name of a direct solver's library (iterations then are those that took out rounding). why: what made
+    the choice, where there was one.
     """
 
     reason: StopReason
@@ -38,6 +40,17 @@ class SolveReport:
     relative_squared_residual: float
     block: int | None
     history: tuple[float, ...] | None
+    solver: str = "pcg"
+    why: str = ""
+
+    @property
+    def direct(self) -> bool:
+        """Whether a direct solver did it."""
+        return self.solver != "pcg"
+
+    def by(self, solver: str, why: str = "") -> SolveReport:
+        """The same report of another solver."""
+        return replace(self, solver=solver, why=why)
 
     @property
     def converged(self) -> bool:
@@ -47,9 +60,12 @@ class SolveReport:
     def __str__(self) -> str:
         """One line for logs."""
         where = f" (dof block at scalar {self.block})" if self.block is not None else ""
+        who = f" by {self.solver}" if self.direct else ""
+        why = f" ({self.why})" if self.why else ""
+        reason = self.reason.name.lower().replace("_", " ")
         return (
-            f"{self.reason.name.lower().replace('_', ' ')}{where} after {self.iterations} iterations, relative squared "
-            f"residual {self.relative_squared_residual:.3g}"
+            f"{reason}{where} after {self.iterations} iterations{who}{why}, relative squared residual "
+            f"{self.relative_squared_residual:.3g}"
         )
 
 
@@ -70,9 +86,13 @@ class PcgSolver:
     Owns the solver's vectors; keep one and use it for every solve.
     """
 
-    def __init__(self, runtime: Runtime) -> None:
-        """Make a solver without memory; the first solve gets it."""
+    def __init__(self, runtime: Runtime, *, deterministic: bool = False) -> None:
+        """Make a solver without memory; the first solve gets it.
+
+        deterministic: results do not depend on the number of threads, for some more time.
+        """
         self._runtime = runtime
+        self._deterministic = deterministic
         handle = runtime.library.yasps_workspace_new()
         if not handle:
             raise MemoryError("no memory for a solver")
@@ -100,15 +120,10 @@ class PcgSolver:
         start vector. g = 0 gives x = 0.
 
         Returns x and the report; always look at `report.reason`. x is the last iterate (x0 when the iteration could not
-        start). The result is the same bit for bit in every run with the same number of threads. Raises ValueError for
-        arguments that do not fit together, MemoryError.
+        start). The result is the same bit for bit in every run with the same number of threads, of a deterministic
+        solver with any number. Raises ValueError for arguments that do not fit together, MemoryError.
         """
-        if not parts:
-            raise ValueError("there is no matrix to solve with: parts is empty")
-        for index, part in enumerate(parts[1:], start=1):
-            same = np.array_equal(part.boundaries, parts[0].boundaries)
-            if not (same and np.array_equal(part.block_sizes, parts[0].block_sizes)):
-                raise ValueError(f"parts[{index}] was built for other targets than parts[0]: {part} and {parts[0]}")
+        check_parts(parts)
         if not tolerance >= 0:
             raise ValueError(f"tolerance is {tolerance}; it must not be negative")
         if max_iterations < 0:
@@ -119,6 +134,7 @@ class PcgSolver:
         x = np.empty(size)
         history = np.full(max_iterations + 1, np.nan) if with_history else None
         result = _Result()
+        count = self._runtime.thread_count(threads)
         status = self._runtime.library.yasps_solve(
             self._handle,
             len(parts),
@@ -130,7 +146,8 @@ class PcgSolver:
             tolerance,
             max_iterations,
             history.ctypes.data if history is not None else None,
-            self._runtime.thread_count(threads),
+            count,
+            piece_count(count, self._deterministic),
             ctypes.addressof(result),
         )
         check_status(status)
@@ -146,3 +163,17 @@ class PcgSolver:
             history=trace,
         )
         return x, report
+
+
+def check_parts(parts: Sequence[BlockMatrix]) -> None:
+    """Raises ValueError unless these matrices can be added."""
+    if not parts:
+        raise ValueError("there is no matrix to solve with: parts is empty")
+    for index, part in enumerate(parts[1:], start=1):
+        same = np.array_equal(part.boundaries, parts[0].boundaries)
+        if not (same and np.array_equal(part.block_sizes, parts[0].block_sizes)):
+            raise ValueError(f"parts[{index}] was built for other targets than parts[0]: {part} and {parts[0]}")
+        if not part.has_order_of(parts[0]):
+            raise ValueError(
+                f"parts[{index}] has another order of dof blocks than parts[0]: build it with the same one"
+            )

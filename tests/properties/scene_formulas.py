@@ -39,19 +39,19 @@ def kinked_energies(y: str, z: str, dimension: int) -> list[str]:
     apart = f"(0.01 + ({y} - {z}).dot({y} - {z}))"
     return [
         # whole choices: both sides curved, one side constant, one chosen inside another, one not finite
-        f"select({y}[0] < 0.1234567, {y}.dot({z}), {z}.dot({z}) ** 2 - {y}.sum())",
+        f"select({y}[0] < 0.0987654, {y}.dot({z}), {z}.dot({z}) ** 2 - {y}.sum())",
         f"select({apart} < 0.8765431, -(({apart} - 0.8765431) ** 2) * {apart}.log(), 0.0)",
-        f"select({y}.sum() >= 0.1234567, select({z}[0] > 0.2345671, {y}.dot({z}), {z}[0] ** 3), {y}.dot({y}) ** 2)",
-        f"select({y}[0] <= 0.1234567, (0.3 - {y}[0]).sqrt() * {z}[-1], {y}.dot({z}))",
+        f"select({y}.sum() >= 0.0876543, select({z}[0] > 0.2345671, {y}.dot({z}), {z}[0] ** 3), {y}.dot({y}) ** 2)",
+        f"select({y}[0] <= 0.0765432, (0.3 - {y}[0]).sqrt() * {z}[-1], {y}.dot({z}))",
         # entry by entry
         f"select({y} < {z} + {d}, {y}.hadamard({z}), {z}.sin()).sum()",
         f"(({y} > {d}) - 0.5 * ({z} <= {d})).dot({y}.hadamard({z}))",
         f"maximum({y}, {z}.hadamard({z}) - {d}).dot({y})",
         f"({y} - {z} + {d}).abs().sum() ** 2 + {z}[0]",
         # numbers
-        f"minimum({y}.dot({y}), {z}.sum() + 0.1234567) * {z}[0]",
-        f"maximum({y}.sum() - 0.1234567, 0.0) ** 3 + {y}.dot({z})",
-        f"abs({y}.dot({z}) - 0.1234567) * {y}[-1]",
+        f"minimum({y}.dot({y}), {z}.sum() + 0.1728394) * {z}[0]",
+        f"maximum({y}.sum() - 0.1839405, 0.0) ** 3 + {y}.dot({z})",
+        f"abs({y}.dot({z}) - 0.1940516) * {y}[-1]",
     ]
 
 
@@ -72,7 +72,7 @@ def kinked_points(q: str, dimension: int) -> list[str]:
     d = shift(dimension)
     return [
         f"select({q} < {d}, 0.5 * {q}, {q}.hadamard({q}))",
-        f"select({q}[0] < 0.1234567, 0.5 * {q}, {q}.hadamard({q}))",
+        f"select({q}[0] < 0.1357913, 0.5 * {q}, {q}.hadamard({q}))",
         f"(maximum({q}, {q}.hadamard({q}) - {d}) - 0.5 * minimum({q}, {d}))",
         f"({q} - {d}).abs()",
         f"{q}.tan()",
@@ -85,8 +85,8 @@ def kinked_mixtures(first: str, last: str, dimension: int) -> list[str]:
     """Vectors from two vectors of as many entries, which may be the same."""
     d = shift(dimension)
     return [
-        f"select({first}[0] < {last}[0] + 0.1234567, {first}, 0.5 * {last})",
-        f"select({first}.dot({last}) > 0.1234567, {first}.hadamard({last}), {first})",
+        f"select({first}[0] < {last}[0] + 0.1470258, {first}, 0.5 * {last})",
+        f"select({first}.dot({last}) > 0.1593572, {first}.hadamard({last}), {first})",
         f"maximum({first}, {last} - {d})",
         f"minimum({first}, {last}.hadamard({last}) + {d})",
         f"({first} - {last} + {d}).abs()",

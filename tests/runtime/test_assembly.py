@@ -227,6 +227,90 @@ def test_many_tiles(runtime: Runtime, kernels: Kernels) -> None:
         assert values[0][1].any()
 
 
+def test_deterministic_assembler_needs_no_number_of_threads(runtime: Runtime, kernels: Kernels) -> None:
+    n = 600
+    rng = np.random.default_rng(0)
+    kappa = (3 * np.stack([np.arange(n - 1), np.arange(1, n)], 1) + 1).astype(np.int32)
+    far = (3 * rng.integers(0, n, (200, 3)) + 1).astype(np.int32)
+    matrix = BlockMatrix(runtime)
+    positions = matrix.build(np.array([0, 3 * n]), np.array([3], np.int32), [kappa, far])
+    x = rng.standard_normal(3 * n)
+    arguments = [Arguments(x, rng.uniform(0, 1, len(slots)), slots.shape[1]) for slots in (kappa, far)]
+    calls = [
+        KernelCall(kernels.energy, argument.address, len(slots), slots, position)
+        for argument, slots, position in zip(arguments, (kappa, far), positions, strict=True)
+    ]
+    assembler = Assembler(runtime, deterministic=True)
+    results = []
+    for threads in (1, 2, 3, 5, 20):
+        gradient = np.empty(3 * n)
+        assembler.assemble(calls, [matrix], gradient, matrix.block_size_at, threads)
+        results.append((gradient, matrix.values.copy()))
+    for gradient, values in results[1:]:
+        np.testing.assert_array_equal(gradient, results[0][0])
+        np.testing.assert_array_equal(values, results[0][1])
+    plain = np.empty(3 * n)
+    Assembler(runtime).assemble(calls, [matrix], plain, matrix.block_size_at, 1)
+    np.testing.assert_allclose(results[0][0], plain, rtol=1e-11, atol=1e-11)
+    np.testing.assert_allclose(results[0][1], matrix.values, rtol=1e-12, atol=1e-12)
+
+
+@pytest.mark.parametrize("deterministic", [False, True])
+def test_what_pieces_touch_is_found_again_when_indices_change(
+    runtime: Runtime, kernels: Kernels, deterministic: bool
+) -> None:
+    """Contacts come and go in the second part while the first one stays, and at times there is a gradient only."""
+    n = 900
+    rng = np.random.default_rng(3)
+    boundaries, sizes = np.array([0, 3 * n]), np.array([3], np.int32)
+    x = rng.standard_normal(3 * n)
+    kappas = [(3 * np.stack([np.arange(n - 1), np.arange(1, n)], 1) + 1).astype(np.int32), np.zeros((0, 4), np.int32)]
+    parts = [BlockMatrix(runtime), BlockMatrix(runtime, with_diagonal=False)]
+    positions = [part.build(boundaries, sizes, [kappa])[0] for part, kappa in zip(parts, kappas, strict=True)]
+    assembler = Assembler(runtime, deterministic=deterministic)
+    for contacts, threads, hessian in (
+        (50, 2, True),
+        (400, 2, True),
+        (3, 2, False),
+        (200, 3, True),
+        (200, 2, True),
+        (0, 2, True),
+        (700, 2, True),
+    ):
+        kappas[1] = (3 * rng.integers(0, n, (contacts, 4)) + 1).astype(np.int32)
+        positions[1] = parts[1].build(boundaries, sizes, [kappas[1]])[0]
+        arguments = [Arguments(x, rng.uniform(0.5, 1, len(kappa)), kappa.shape[1]) for kappa in kappas]
+        calls = [
+            KernelCall(
+                kernels.energy, arguments[k].address, len(kappas[k]), kappas[k], positions[k] if hessian else None, k
+            )
+            for k in (0, 1)
+        ]
+        found = []
+        for one, count in ((assembler, threads), (Assembler(runtime), 1)):
+            gradient = np.full(3 * n, 7.0)
+            one.assemble(calls, parts, gradient, parts[0].block_size_at, count)
+            found.append((gradient, parts[0].values.copy(), parts[1].values.copy()))
+        for got, expected in zip(*found, strict=True):
+            np.testing.assert_allclose(got, expected, rtol=1e-11, atol=1e-9)
+
+
+def test_new_places_for_the_same_indices_are_noticed(runtime: Runtime, kernels: Kernels) -> None:
+    n = 900
+    kappa = (3 * np.stack([np.arange(n - 1), np.arange(1, n)], 1) + 1).astype(np.int32)
+    arguments = Arguments(np.ones(3 * n), np.ones(n - 1), 2)
+    matrix, assembler = BlockMatrix(runtime), Assembler(runtime)
+    there = np.arange(n, dtype=np.int32)
+    for order in (there, there[::-1], there):
+        position = matrix.build(np.array([0, 3 * n]), np.array([3], np.int32), [kappa], order=order)[0]
+        call = KernelCall(kernels.energy, arguments.address, n - 1, kappa, position)
+        values = []
+        for one, threads in ((Assembler(runtime), 1), (assembler, 2)):
+            one.assemble([call], [matrix], np.empty(3 * n), matrix.block_size_at, threads)
+            values.append(matrix.values.copy())
+        np.testing.assert_allclose(values[1], values[0], rtol=1e-12, atol=1e-12)
+
+
 @pytest.mark.parametrize("threads", [1, 2, 3])
 def test_first_bad_instance_is_reported(runtime: Runtime, kernels: Kernels, scene: Any, threads: int) -> None:
     problem = Problem(runtime, kernels, scene)

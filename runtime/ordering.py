@@ -1,0 +1,33 @@
+"""An order of the dof blocks in which those that are coupled stand close to each other."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import sparse
+from scipy.sparse.csgraph import reverse_cuthill_mckee
+
+#: Vectors of fewer blocks stay in the processor's cache in any order.
+FEWEST_BLOCKS = 2000
+# The mean distance of coupled blocks must shrink at least to this share to be worth a new order: where elements are
+# numbered along with their vertices, as in a regular grid, the given order has more locality in the assembly.
+_GAIN = 0.5
+
+
+def bandwidth_reducing_order(
+    rows: NDArray[np.integer], cols: NDArray[np.integer], count: int
+) -> NDArray[np.int32] | None:
+    """The new number of each of `count` dof blocks, int32 [count]; None where the given order is about as good.
+
+    rows, cols: the coupled pairs, in one triangle or both; duplicates and diagonal ones do no harm. The order is
+    reverse Cuthill-McKee (George & Liu 1981, Computer Solution of Large Sparse Positive Definite Systems, sec. 4.3):
+    products then find their part of a vector in the cache, and threads that each take a range of rows share few
+    columns.
+    """
+    graph = sparse.coo_array((np.ones(len(rows), np.bool_), (rows, cols)), shape=(count, count)).tocsr()
+    both: sparse.csr_array[np.bool_] = (graph + graph.T).tocsr()
+    order = np.empty(count, np.int32)
+    order[reverse_cuthill_mckee(sparse.csr_matrix(both), symmetric_mode=True)] = np.arange(count, dtype=np.int32)
+    before = np.abs(rows - cols).sum(dtype=np.int64)
+    after = np.abs(order[rows] - order[cols]).sum(dtype=np.int64)
+    return order if after < _GAIN * before else None
