@@ -19,8 +19,23 @@ typedef const void* const* Arguments;
 
 static inline V splat(double x) { return V{x, x, x, x, x, x, x, x}; }
 
+// The same value, but one the compiler knows nothing about. Where the second operand of an interleaving shuffle is a
+// constant, GCC 12 may compile it as if both operands were the first (its vmovddup alternative).
+static inline V hidden(V x) {
+#if defined(__x86_64__) && !defined(__clang__)
+#ifdef __AVX512F__
+    asm("" : "+v"(x));
+#else
+    asm("" : "+m"(x));
+#endif
+#endif
+    return x;
+}
+
 // Turns 8 entries of 8 instances into 8 instances of 8 entries, or back. Written out, since -O2 leaves loops alone.
 static inline void transpose(V* a) {
+#pragma GCC unroll 8
+    for (int k = 1; k < 8; k += 2) a[k] = hidden(a[k]);
     const V p0 = __builtin_shufflevector(a[0], a[1], 0, 8, 2, 10, 4, 12, 6, 14);
     const V q0 = __builtin_shufflevector(a[0], a[1], 1, 9, 3, 11, 5, 13, 7, 15);
     const V p1 = __builtin_shufflevector(a[2], a[3], 0, 8, 2, 10, 4, 12, 6, 14);

@@ -25,7 +25,7 @@ from yasps.frontend.contact import BarrierContact
 from yasps.frontend.mesh import Mesh
 from yasps.frontend.mesh_file import read_tetrahedral_mesh
 from yasps.frontend.newton import BackwardEuler, MovingPart, NewtonSettings
-from yasps.frontend.newton_system import WHEN_TO_PROJECT
+from yasps.frontend.newton_system import SOLVERS, WHEN_TO_PROJECT
 from yasps.frontend.pictures import DARK_PINK, LIGHT_BLUE, FramePictures, PicturesUnavailable, Surface
 from yasps.frontend.primitive import Primitive
 from yasps.frontend.progress import FrameProgress, TimeTable
@@ -33,7 +33,6 @@ from yasps.frontend.rabbit import rabbit
 from yasps.frontend.shapes import ground
 from yasps.frontend.tetrahedral_mesh import TetrahedralMesh
 from yasps.frontend.vtkhdf import VtkHdfSeries
-from yasps.runtime.solver_choice import SOLVERS
 
 GRAVITY = 9.8  # m/s^2
 DENSITY = 1000.0  # kg/m^3

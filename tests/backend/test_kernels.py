@@ -216,3 +216,25 @@ def test_the_number_of_threads_changes_rounding_at_most(threads: int) -> None:
         assert np.array_equal(again, results[-1][0])  # and with the same number nothing at all
     for first, second in zip(*results, strict=True):
         assert relative_error(first, second) < 1e-13
+
+
+def test_constant_entries_of_a_hessian_that_is_expanded(agrees_with_interpreter: Check) -> None:
+    """GCC 12 compiled the transposition of packs wrongly where an entry is a constant; see `hidden` in the prelude."""
+    random = np.random.default_rng(216)
+    scene = Scene("s")
+    mesh = scene.add_mesh("m")
+    frames, points = mesh.add_primitive("f", 1), mesh.add_primitive("v", 4)
+    a = frames.add_attribute("A", 2, 2, value=random.uniform(-1, 1, (1, 2, 2)))
+    b = frames.add_attribute("b", 2, 1, value=random.uniform(-1, 1, (1, 2, 1)))
+    r = points.add_constant("r", 2, 1, value=random.uniform(-1, 1, (4, 2, 1)))
+    frame = points.add_connectivity("frame", frames, [[0]] * 4, 1)
+    joined = points.add_attribute("A", through=frame, source=a).reshape(2, 2)
+    x = points.add_attribute("x", computed_attribute=joined @ r + points.add_attribute("b", through=frame, source=b).T)
+    pairs = mesh.add_primitive("p", 1)
+    ends = pairs.add_connectivity("ends", points, [[0, 2]], 2)
+    p = pairs.add_attribute("x", through=ends, source=x)
+    y, z = p.row(0).T, p.row(1).T
+    energy = pairs.add_attribute("E", computed_attribute=(1.0 + y.dot(y)).log() * 2.0 + z[1])
+    scene.add_energy(energy, projection="clamp")
+    scene.add_minimize_target([a, b])
+    agrees_with_interpreter(scene)
