@@ -4,13 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import sparse
 
 from yasps.frontend.attribute import FloatArray
 from yasps.runtime.block_matrix import BlockMatrix
+
+if TYPE_CHECKING:
+    from scipy import sparse
 
 
 @dataclass(frozen=True)
@@ -48,6 +51,8 @@ class Hessian:
 
     def to_scipy(self) -> sparse.csr_array[np.float64]:
         """The whole matrix, both triangles, as scipy.sparse."""
+        from scipy import sparse
+
         rows, cols, values = [], [], []
         for block in self.blocks:
             _, r, c = block.values.shape

@@ -11,9 +11,11 @@ import numpy as np
 from yasps.frontend.attribute import FloatArray
 from yasps.frontend.compiled_scene import CompiledScene
 from yasps.frontend.errors import DataError
+from yasps.runtime import solver_choice
 from yasps.runtime.solver import SolveReport, StopReason
-from yasps.runtime.solver_choice import SOLVERS
 
+SOLVERS = solver_choice.SOLVERS
+"""Names of the linear solvers."""
 _MOST_ITERATIONS = 2**31
 """What fits the runtime's counter."""
 WHEN_TO_PROJECT = ("always", "on-demand")

@@ -10,7 +10,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy import sparse
 
 from yasps.backend.scene_data import save_scene_data
 from yasps.dialects.mat import spell
@@ -29,6 +28,8 @@ from yasps.runtime.solver import SolveReport
 from yasps.runtime.toolchain import find_compiler
 
 if TYPE_CHECKING:
+    from scipy import sparse
+
     from yasps.frontend.connectivity import Connectivity
     from yasps.frontend.primitive import PrimitiveBase
 
@@ -265,6 +266,8 @@ class Scene(Entity):
 
         Raises SceneError for computed, foreign or repeated attributes, or without energies.
         """
+        from scipy import sparse
+
         rows = [targets] if isinstance(targets, Attribute) else list(targets)
         columns = [parameters] if isinstance(parameters, Attribute) else list(parameters)
         everything = [*rows, *columns]

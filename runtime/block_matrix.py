@@ -6,12 +6,15 @@ import ctypes
 import weakref
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy import sparse
 
 from yasps.runtime.library import FloatArray, IntArray, LongArray, Runtime, as_vector, check_status, piece_count
 from yasps.runtime.ordering import FEWEST_BLOCKS, bandwidth_reducing_order
+
+if TYPE_CHECKING:
+    from scipy import sparse
 
 _BAD_SLOT = 2
 _TOO_MANY_BLOCKS = 3
@@ -248,6 +251,8 @@ class BlockMatrix:
 
     def to_scipy(self) -> sparse.csr_array[np.float64]:
         """The full symmetric matrix (both triangles) as a SciPy array in CSR format."""
+        from scipy import sparse
+
         parts: list[tuple[FloatArray, LongArray, LongArray]] = []
         for group in self.groups:
             shape = group.values.shape

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import sparse
-from scipy.sparse.csgraph import reverse_cuthill_mckee
 
 #: Vectors of fewer blocks stay in the processor's cache in any order.
 FEWEST_BLOCKS = 2000
@@ -24,6 +22,9 @@ def bandwidth_reducing_order(
     products then find their part of a vector in the cache, and threads that each take a range of rows share few
     columns.
     """
+    from scipy import sparse
+    from scipy.sparse.csgraph import reverse_cuthill_mckee
+
     graph = sparse.coo_array((np.ones(len(rows), np.bool_), (rows, cols)), shape=(count, count)).tocsr()
     both: sparse.csr_array[np.bool_] = (graph + graph.T).tocsr()
     order = np.empty(count, np.int32)

@@ -2,12 +2,18 @@
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
 from yasps.runtime.block_matrix import BlockMatrix
-from yasps.runtime.direct_solver import LOGGER, DirectSolver
 from yasps.runtime.library import FloatArray, Runtime
 from yasps.runtime.solver import PcgSolver, SolveReport, StopReason
+
+if TYPE_CHECKING:
+    from yasps.runtime.direct_solver import DirectSolver
+
+LOGGER = logging.getLogger("yasps")
 
 SOLVERS = ("pcg", "direct", "auto")
 PATIENCE = 2000
@@ -67,6 +73,8 @@ class LinearSolver:
         self, parts: Sequence[BlockMatrix], g: FloatArray, tolerance: float, threads: int | None, why: str
     ) -> tuple[FloatArray, SolveReport]:
         if self._direct is None:
+            from yasps.runtime.direct_solver import DirectSolver  # brings in SciPy's or MKL's solvers
+
             self._direct = DirectSolver(self._runtime)
         x, report = self._direct.solve(parts, g, tolerance, threads=threads)
         return x, report.by(self._direct.name, why)
