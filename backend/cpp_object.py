@@ -118,6 +118,7 @@ class _ObjectText:
         self.functions = {op.sym_name.data: op for op in ops if isinstance(op, FuncOp)}
         self.bindings: list[Binding] = []
         self.externs: dict[str, None] = {}
+        """Declarations of other objects' entries, and functions that several of its own share."""
         self.preludes: dict[str, None] = {PRELUDE: None}
         """What the file begins with."""
         self.parts: list[str] = []
@@ -444,8 +445,7 @@ class _ObjectText:
         """Expression that writes the rows behind `source` and says how many they are."""
         if source in self.scene.targets:
             size = self.scene.size(source)
-            if "copy_rows" not in "".join(self.parts):
-                self.parts.append(COPY_ROWS)
+            self.externs[COPY_ROWS] = None
             return f"copy_rows({size}, {b}, {n}, {out})"
         if not self.scene.reaches_target(source):
             return "0"

@@ -34,7 +34,7 @@ class Program:
     """
 
     def __init__(self, code: SceneCode, compiler: Compiler, dump_to: Path | None = None) -> None:
-        self.scene = code
+        self.code = code
         self.codes: dict[str, ObjectCode] = code.codes
         if dump_to is not None:
             dump_sources(list(self.codes.values()), dump_to)

@@ -37,17 +37,18 @@ class Benchmark:
     description: str
     default_size: int
     run: Callable[[Settings], Report]
+    takes_mesh: bool = False
 
 
 BENCHMARKS = {
-    "elements": Benchmark(elements.DESCRIPTION, elements.DEFAULT_SIZE, elements.run),
+    "elements": Benchmark(elements.DESCRIPTION, elements.DEFAULT_SIZE, elements.run, takes_mesh=True),
     "cloth": Benchmark(cloth.DESCRIPTION, cloth.DEFAULT_SIZE, cloth.run),
     "contacts": Benchmark(contacts.DESCRIPTION, contacts.DEFAULT_SIZE, contacts.run),
-    "assembly": Benchmark(assembly.DESCRIPTION, assembly.DEFAULT_SIZE, assembly.run),
-    "spmv": Benchmark(spmv.DESCRIPTION, spmv.DEFAULT_SIZE, spmv.run),
+    "assembly": Benchmark(assembly.DESCRIPTION, assembly.DEFAULT_SIZE, assembly.run, takes_mesh=True),
+    "spmv": Benchmark(spmv.DESCRIPTION, spmv.DEFAULT_SIZE, spmv.run, takes_mesh=True),
     "index": Benchmark(indices.DESCRIPTION, indices.DEFAULT_SIZE, indices.run),
     "projection": Benchmark(projection.DESCRIPTION, projection.DEFAULT_SIZE, projection.run),
-    "scene": Benchmark(scene_steps.DESCRIPTION, scene_steps.DEFAULT_SIZE, scene_steps.run),
+    "scene": Benchmark(scene_steps.DESCRIPTION, scene_steps.DEFAULT_SIZE, scene_steps.run, takes_mesh=True),
     "solver": Benchmark(solver.DESCRIPTION, solver.DEFAULT_SIZE, solver.run),
     "memory": Benchmark(memory.DESCRIPTION, memory.DEFAULT_SIZE, memory.run),
     "compile": Benchmark(compile_times.DESCRIPTION, compile_times.DEFAULT_SIZE, compile_times.run),
@@ -73,6 +74,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
         print(f"--mesh {options.mesh}: there is no such file", file=sys.stderr)
         return 2
     benchmark = BENCHMARKS[options.name]
+    if options.mesh is not None and not benchmark.takes_mesh:
+        takers = ", ".join(name for name, one in BENCHMARKS.items() if one.takes_mesh)
+        print(f"--mesh: {options.name} is not over a mesh of yours; these are: {takers}", file=sys.stderr)
+        return 2
     settings = Settings(options.size or benchmark.default_size, options.repeats, options.threads, options.mesh)
     report = benchmark.run(settings)
     show(f"{options.name}: {benchmark.description}", report, console)

@@ -118,7 +118,7 @@ def sympy_operations(expressions: Sequence[Any]) -> Counter[str]:
         else:
             counts["pow"] += 1
 
-    def visit(expression: Any, sign_is_free: bool = False) -> None:
+    def visit(expression: Any) -> None:
         if expression.is_Atom:
             return
         if expression.is_Add:

@@ -164,14 +164,13 @@ class CompiledScene:
 
         assert self._unlowered is not None
         parts = [text_without_sizes(self._unlowered), str(vector_math), compiler_digest()]
-        text, _ = kept_text("scene", parts, make)
-        return SceneCode.from_text(text)
+        return SceneCode.from_text(kept_text("scene", parts, make))
 
     def _runtime_log(self) -> list[CompiledModule]:
         return [CompiledModule(item.name, item.seconds, item.cached, 0) for item in self.runtime.objects]
 
     def _make_terms(self, energies: Sequence[EnergyTerm]) -> list[_Term]:
-        derivatives = self.program.scene.derivatives
+        derivatives = self.program.code.derivatives
         terms = []
         for energy in energies:
             symbol = self.emitter.symbol_of(energy.attribute)
@@ -216,7 +215,7 @@ class CompiledScene:
     @property
     def is_outgrown(self) -> bool:
         """Has a connectivity of variable arity got longer rows than the code was compiled for?"""
-        arities = self.program.scene.arities
+        arities = self.program.code.arities
         return any(c.arity != arities[name] for name, c in self.emitter.connected.items())
 
     def bind(self) -> None:

@@ -30,7 +30,7 @@ def text_without_sizes(module: ModuleOp) -> str:
 
 @functools.cache
 def compiler_digest() -> str:
-    """Digest of the passes and emitters that run in this process, and of xDSL's version."""
+    """Digest of the passes and emitters as their files are when it is first asked for, and of xDSL's version."""
     digest = hashlib.sha256(version("xdsl").encode())
     for folder in SOURCES:
         for path in sorted(files("yasps").joinpath(folder).iterdir(), key=lambda path: path.name):

@@ -220,17 +220,17 @@ def link(objects: Sequence[CompiledObject], compiler: Compiler, extra_flags: Seq
     return LinkedLibrary(path, time.perf_counter() - start, cached=False)
 
 
-def kept_text(name: str, parts: Sequence[str], make: Callable[[], str]) -> tuple[str, bool]:
-    """A text that follows from `parts` alone: from the cache, else made and kept there. And whether it was there.
+def kept_text(name: str, parts: Sequence[str], make: Callable[[], str]) -> str:
+    """A text that follows from `parts` alone: from the cache, else made and kept there.
 
     Raises CacheFolderError when the cache cannot be written.
     """
     path = cache_folder() / f"{_safe_name(name)}-{_digest(*parts)[:32]}.json"
     if _is_filled(path):
-        return path.read_text(encoding="utf-8"), True
+        return path.read_text(encoding="utf-8")
     text = make()
     _write_whole(path, lambda target: target.write_text(text, encoding="utf-8"))
-    return text, False
+    return text
 
 
 def _compile(source: Source, compiler: Compiler, compiler_key: str, folder: Path) -> CompiledObject:

@@ -52,6 +52,11 @@ def test_a_missing_mesh_is_told_before_anything_runs(tmp_path: Path, capsys: pyt
     assert "there is no such file" in capsys.readouterr().err
 
 
+def test_a_mesh_is_refused_where_none_is_used(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["projection", "--mesh", __file__]) == 2
+    assert "these are: elements" in capsys.readouterr().err
+
+
 def tiny_run(name: str, path: Path, *, threads: int = 2) -> list[dict[str, object]]:
     arguments = [name, "--size", "200", "--repeats", "1", "--threads", str(threads), "--json", str(path)]
     assert main(arguments) == 0

@@ -41,6 +41,11 @@ static inline V v_sin(V a) {
 #endif
 
 extern "C" void yasps<m.tips.x.curvature>_second(Arguments, long, const double*, double*);
+static inline long copy_rows(long rows, const V* b, long n, V* out) {
+    for (long k = 0; k < rows * n; ++k) out[k] = b[k];
+    return rows;
+}
+
 static inline void pull_back_pack(const V* x0, const V* x1, const V* x2, V* y0) {
     const V t4 = v_cos(x0[0]);
     const V t5 = x1[0] * t4;
@@ -85,11 +90,6 @@ static inline void pull_back_one(const double* x0, const double* x1, const doubl
     const double t9 = x2[1] * t5;
     const double t10 = t9 - t8;
     y0[0] = t10;
-}
-
-static inline long copy_rows(long rows, const V* b, long n, V* out) {
-    for (long k = 0; k < rows * n; ++k) out[k] = b[k];
-    return rows;
 }
 
 extern "C" long yasps<m.tips.x.jacobian>_curve(Arguments a, long i, const double* v, double* out, long n) {

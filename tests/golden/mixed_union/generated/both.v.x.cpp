@@ -1,6 +1,11 @@
 // backend/kernel_prelude.h stands here
 
 extern "C" void yasps<stiff.v.x>_value(Arguments, long, double*);
+static inline long copy_rows(long rows, const V* b, long n, V* out) {
+    for (long k = 0; k < rows * n; ++k) out[k] = b[k];
+    return rows;
+}
+
 extern "C" long yasps<stiff.v.x.jacobian>_pull(Arguments, long, const V*, long, V*);
 extern "C" void yasps<both.v.x>_value(Arguments a, long i, double* out) {
     const long* const p0 = (const long*)a[0];
@@ -10,11 +15,6 @@ extern "C" void yasps<both.v.x>_value(Arguments a, long i, double* out) {
     if (i < p0[1]) { const long j = i - p0[0]; for (long e = 0; e < 3; ++e) out[e] = p1[j * 3 + e]; return; }
     if (i < p0[2]) { const long j = i - p0[1]; yasps<stiff.v.x>_value(p2, j, out); return; }
     if (i < p0[3]) { const long j = i - p0[2]; for (long e = 0; e < 3; ++e) out[e] = p3[j * 3 + e]; return; }
-}
-
-static inline long copy_rows(long rows, const V* b, long n, V* out) {
-    for (long k = 0; k < rows * n; ++k) out[k] = b[k];
-    return rows;
 }
 
 extern "C" long yasps<both.v.x>_pull(Arguments a, long i, const V* b, long n, V* out) {
