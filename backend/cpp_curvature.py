@@ -10,12 +10,12 @@ from yasps.backend.cpp_expand import expand, starts
 from yasps.backend.scene_view import Slot
 
 if TYPE_CHECKING:
-    from yasps.backend.cpp_object import _ObjectText
+    from yasps.backend.cpp_object import CppObjectText
 
 DENSE_PRELUDE = files("yasps.backend").joinpath("dense_prelude.h").read_text(encoding="utf-8")
 
 
-def row_starts(text: _ObjectText, slots: Sequence[Slot]) -> list[str]:
+def row_starts(text: CppObjectText, slots: Sequence[Slot]) -> list[str]:
     """Declares `at`: where each slot's rows start when all slots are expanded to the targets, and their number."""
     lines = [f"long at[{len(slots) + 1}];", "at[0] = 0;"]
     for k, slot in enumerate(slots):  # of nothing, a pull only counts its rows
@@ -24,7 +24,7 @@ def row_starts(text: _ObjectText, slots: Sequence[Slot]) -> list[str]:
     return lines
 
 
-def expand_into(text: _ObjectText, slots: Sequence[Slot], triangle: str, out: str, width: str) -> list[str]:
+def expand_into(text: CppObjectText, slots: Sequence[Slot], triangle: str, out: str, width: str) -> list[str]:
     """Adds J^T H J to the square matrix `out` of `width` columns, for the H with this upper triangle."""
 
     def add(s: int, t: int) -> str:
@@ -34,7 +34,7 @@ def expand_into(text: _ObjectText, slots: Sequence[Slot], triangle: str, out: st
     return expand(text, slots, triangle, add)
 
 
-def curve_body(text: _ObjectText, slots: Sequence[Slot], second: str | None, transposed: Sequence[str]) -> list[str]:
+def curve_body(text: CppObjectText, slots: Sequence[Slot], second: str | None, transposed: Sequence[str]) -> list[str]:
     """Statements of the entry `curve`: own curvature (`second` fills the array of that name, packed) and the sources'.
 
     `transposed` fills w = J^T v.
@@ -55,7 +55,7 @@ def curve_body(text: _ObjectText, slots: Sequence[Slot], second: str | None, tra
     return lines
 
 
-def dense_hessian(text: _ObjectText, slots: Sequence[Slot], capacity: int, packed: str | None) -> list[str]:
+def dense_hessian(text: CppObjectText, slots: Sequence[Slot], capacity: int, packed: str | None) -> list[str]:
     """Statements for one pack: the dense local Hessian of each lane, projected and scattered."""
     text.preludes[DENSE_PRELUDE] = None
     at = starts([slot.size for slot in slots])

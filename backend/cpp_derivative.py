@@ -15,7 +15,7 @@ from yasps.dialects.mat import shape_of
 from yasps.dialects.rel import ApplyOp, DerivativeOp, ProjectOp, YieldDerivativeOp
 
 if TYPE_CHECKING:
-    from yasps.backend.cpp_object import _ObjectText
+    from yasps.backend.cpp_object import CppObjectText
 
 
 MOST_PACKS = 16
@@ -24,7 +24,7 @@ LARGEST_STACK = 1 << 17
 """Bytes of one kernel's arrays that hold several packs."""
 
 
-def derivative_body(text: _ObjectText, derivative: DerivativeOp) -> list[str]:
+def derivative_body(text: CppObjectText, derivative: DerivativeOp) -> list[str]:
     """Statements of the entry point `derive`."""
     terminator = derivative.body.block.last_op
     assert isinstance(terminator, YieldDerivativeOp)
@@ -68,7 +68,7 @@ def _projection(derivative: DerivativeOp) -> ProjectOp | None:
 
 
 def _derive(
-    text: _ObjectText, derive: ApplyOp, n: int, entries: int, declarations: list[str], *, is_projected: bool = False
+    text: CppObjectText, derive: ApplyOp, n: int, entries: int, declarations: list[str], *, is_projected: bool = False
 ) -> list[str]:
     """Gradient and packed Hessian of one pack, and a return if they are not finite."""
     outputs = ["gradient", "middle", "deformation"][: len(derive.values)]
@@ -85,7 +85,7 @@ def _derive(
 
 
 def _in_batches(
-    text: _ObjectText, terminator: YieldDerivativeOp, derive: ApplyOp, project: ProjectOp, slots: list[Slot]
+    text: CppObjectText, terminator: YieldDerivativeOp, derive: ApplyOp, project: ProjectOp, slots: list[Slot]
 ) -> list[str]:
     """Derivatives of several packs, one projection of them all, then pull-back and scatter of each."""
     n, capacity = sum(slot.size for slot in slots), sum(slot.capacity for slot in slots)

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 from yasps.backend.scene_view import Slot
 
 if TYPE_CHECKING:
-    from yasps.backend.cpp_object import _ObjectText
+    from yasps.backend.cpp_object import CppObjectText
 
 EXPAND_PRELUDE = files("yasps.backend").joinpath("expand_prelude.h").read_text(encoding="utf-8")
 
@@ -25,7 +25,7 @@ def starts(sizes: Sequence[int]) -> list[int]:
 
 
 def expand(
-    text: _ObjectText,
+    text: CppObjectText,
     slots: Sequence[Slot],
     triangle: str,
     use: Callable[[int, int], str],
@@ -80,7 +80,7 @@ def packs_of(columns: int) -> int:
     return -(-columns // 8)
 
 
-def expand_hessian(text: _ObjectText, slots: Sequence[Slot], n: int, capacity: int, packed: str) -> list[str]:
+def expand_hessian(text: CppObjectText, slots: Sequence[Slot], n: int, capacity: int, packed: str) -> list[str]:
     """Statements that add all blocks of one pack but those between two targets; see scatter_hessian."""
     kappa_at = starts([slot.capacity for slot in slots])
 

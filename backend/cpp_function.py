@@ -42,10 +42,20 @@ OF_TWO = frozenset({"pow", "atan2"})
 """Functions of two numbers."""
 
 
-def function_text(op: func.FuncOp, name: str, scalar: str, inputs: Sequence[int], outputs: Sequence[int]) -> str:
+def function_text(
+    op: func.FuncOp,
+    name: str,
+    scalar: str,
+    inputs: Sequence[int],
+    outputs: Sequence[int],
+    *,
+    linkage: str = "static inline",
+    math_prefix: str = "__builtin_",
+) -> str:
     """A C++ function of the values `scalar` (V, double or int) for the operation.
 
-    `inputs` and `outputs` cut its arguments and results into arrays of these lengths.
+    `inputs` and `outputs` cut its arguments and results into arrays of these lengths; `math_prefix` stands before the
+    names of mathematical functions of numbers.
     """
     names: dict[SSAValue, str] = {}
     arguments = iter(op.body.block.args)
@@ -55,7 +65,7 @@ def function_text(op: func.FuncOp, name: str, scalar: str, inputs: Sequence[int]
     parameters = [f"const {scalar}* x{n}" for n in range(len(inputs))] + [
         f"{scalar}* y{n}" for n in range(len(outputs))
     ]
-    lines = [f"static inline void {name}({', '.join(parameters)}) {{"]
+    lines = [f"{linkage} void {name}({', '.join(parameters)}) {{"]
     for inner in op.body.block.ops:
         if isinstance(inner, func.ReturnOp):
             values = iter(inner.arguments)
@@ -68,7 +78,7 @@ def function_text(op: func.FuncOp, name: str, scalar: str, inputs: Sequence[int]
             result = inner.results[0]
             names[result] = f"t{len(names)}"
             kind = "auto" if isinstance(inner, arith.CmpfOp) else scalar  # a truth value or a mask
-            lines.append(f"    const {kind} {names[result]} = {_expression(inner, names, scalar)};")
+            lines.append(f"    const {kind} {names[result]} = {_expression(inner, names, scalar, math_prefix)};")
     lines.append("}")
     return "\n".join(lines) + "\n"
 
@@ -80,7 +90,7 @@ def _literal(op: arith.ConstantOp, scalar: str) -> str:
     return f"splat({text})" if scalar == "V" else f"{text}"
 
 
-def _expression(op: Operation, names: dict[SSAValue, str], scalar: str) -> str:
+def _expression(op: Operation, names: dict[SSAValue, str], scalar: str, math_prefix: str) -> str:
     operands = [names[v] for v in op.operands]
     if type(op) in INFIX:
         return f"{operands[0]} {INFIX[type(op)]} {operands[1]}"
@@ -95,7 +105,7 @@ def _expression(op: Operation, names: dict[SSAValue, str], scalar: str) -> str:
         raise ValueError(f"the C++ emitter does not know {op.name}")
     if scalar == "V":
         return f"v_{word}({', '.join(operands)})"
-    return f"__builtin_{word}({', '.join(operands)})"
+    return f"{math_prefix}{word}({', '.join(operands)})"
 
 
 def words_used(functions: Sequence[func.FuncOp]) -> list[str]:

@@ -9,12 +9,12 @@ from yasps.backend.cpp_expand import expand_hessian, starts
 from yasps.backend.scene_view import Slot
 
 if TYPE_CHECKING:
-    from yasps.backend.cpp_object import _ObjectText
+    from yasps.backend.cpp_object import CppObjectText
 
 SCATTER_PRELUDE = files("yasps.backend").joinpath("scatter_prelude.h").read_text(encoding="utf-8")
 
 
-def scatter_gradient(text: _ObjectText, slots: list[Slot], capacity: int) -> list[str]:
+def scatter_gradient(text: CppObjectText, slots: list[Slot], capacity: int) -> list[str]:
     entry_at = starts([slot.size for slot in slots])
     kappa_at = starts([slot.capacity for slot in slots])
     lines = [
@@ -44,7 +44,7 @@ def scatter_gradient(text: _ObjectText, slots: list[Slot], capacity: int) -> lis
     return lines
 
 
-def scatter_hessian(text: _ObjectText, slots: list[Slot], n: int, capacity: int, packed: str) -> list[str]:
+def scatter_hessian(text: CppObjectText, slots: list[Slot], n: int, capacity: int, packed: str) -> list[str]:
     """Statements that add the blocks of one pack; `packed` names the upper triangle of its local Hessians, n x n."""
     pairs = [(s, t) for s in range(len(slots)) for t in range(s, len(slots))]
     direct = [pair for pair in pairs if all(slots[k].is_target for k in pair)]
@@ -61,7 +61,7 @@ def _packed(n: int, row: int, col: int) -> int:
 
 
 def _add_packs(
-    text: _ObjectText, slots: list[Slot], pairs: list[tuple[int, int]], *, n: int, capacity: int, packed: str
+    text: CppObjectText, slots: list[Slot], pairs: list[tuple[int, int]], *, n: int, capacity: int, packed: str
 ) -> list[str]:
     """Adds the blocks of pairs of targets: for each shape of block a loop over its pairs."""
     entry_at = starts([slot.size for slot in slots])

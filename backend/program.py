@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from yasps.backend.cpp_object import Binding, ObjectCode
+from yasps.backend.object_text import Binding, ObjectCode
 from yasps.backend.scene_code import SceneCode
 from yasps.runtime.toolchain import Compiler, Source, compile_sources, link
 

@@ -7,7 +7,8 @@ from dataclasses import asdict, dataclass
 
 from xdsl.dialects.builtin import ModuleOp
 
-from yasps.backend.cpp_object import Binding, ObjectCode, ObjectEmitter
+from yasps.backend.cpp_object import CppEmitter
+from yasps.backend.object_text import Binding, ObjectCode
 from yasps.backend.scene_view import SceneView
 from yasps.dialects.rel import name_of
 
@@ -37,7 +38,7 @@ class SceneCode:
     def of(module: ModuleOp, has_vector_math: bool) -> SceneCode:
         """Emits the code of a module after `outline-modules`."""
         scene = SceneView(module)
-        emitter = ObjectEmitter(scene, has_vector_math)
+        emitter = CppEmitter(scene, has_vector_math)
         emitter.emit_all()
         derivatives = {}
         for op in scene.derivatives:

@@ -12,7 +12,7 @@ import numpy as np
 from benchmarks.measure import Report, Row, Settings
 from yasps import Scene, concat_rows
 from yasps.backend.cpp_curvature import DENSE_PRELUDE
-from yasps.backend.cpp_object import PRELUDE, ObjectEmitter
+from yasps.backend.cpp_object import PRELUDE, CppEmitter
 from yasps.backend.scene_view import SceneView
 from yasps.frontend.attribute import Attribute
 from yasps.frontend.contact import barrier, squared_point_plane
@@ -118,7 +118,7 @@ def growth(parameterisations: tuple[Parameterisation, ...]) -> Growth:
     scene = contact_scene(parameterisations)
     module = run_pipeline(SceneEmitter(scene.name).emit(scene._energies, scene._targets, []))
     view = SceneView(module)
-    codes = [code for code in ObjectEmitter(view, True).emit_all() if code.entries]
+    codes = [code for code in CppEmitter(view, True).emit_all() if code.entries]
     bodies = [_without_prelude(code.text) for code in codes]
     return Growth(
         sum(body.count("\n") for body in bodies),

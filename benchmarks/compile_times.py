@@ -17,7 +17,7 @@ import numpy as np
 from benchmarks.contact_problem import add_barrier, close_pairs
 from benchmarks.element_problem import add_elements, box_of_tets, cloth_hinges, cloth_triangles
 from benchmarks.measure import Peer, Report, Row, Settings, measure
-from yasps.backend.cpp_object import ObjectEmitter
+from yasps.backend.cpp_object import CppEmitter
 from yasps.backend.program import LINK_FLAGS
 from yasps.backend.scene_view import SceneView
 from yasps.examples.two_bunnies import two_bunnies
@@ -113,7 +113,7 @@ def falling_boxes(size: int) -> Scene:
 def generated(scene: Scene, compiler: Compiler) -> list[Source]:
     """The scene's C++ files, equal ones once."""
     module = run_pipeline(SceneEmitter(scene.name).emit(scene._energies, scene._targets, []))
-    codes = [code for code in ObjectEmitter(SceneView(module), compiler.has_vector_math).emit_all() if code.entries]
+    codes = [code for code in CppEmitter(SceneView(module), compiler.has_vector_math).emit_all() if code.entries]
     return [Source(symbol, text) for symbol, text in {code.symbol: code.text for code in codes}.items()]
 
 

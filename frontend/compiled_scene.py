@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 from xdsl.dialects.builtin import ModuleOp
 
-from yasps.backend.cpp_object import Binding
+from yasps.backend.object_text import Binding
 from yasps.backend.program import CompiledModule, Program
 from yasps.backend.scene_code import SceneCode
 from yasps.backend.scene_data import SceneData

@@ -9,7 +9,7 @@ import pytest
 from small_scenes import mixed_union, shared_targets, soft_tets, stable_neo_hookean
 
 from yasps import NotFiniteError, Scene
-from yasps.backend.cpp_object import ObjectEmitter
+from yasps.backend.cpp_object import CppEmitter
 from yasps.backend.scene_view import SceneView
 from yasps.frontend.compiled_scene import CompiledScene
 from yasps.runtime.toolchain import CompilerNotFoundError
@@ -88,7 +88,7 @@ def test_texts_name_nothing_of_the_scene() -> None:
 
 def test_text_is_the_same_when_emitted_twice() -> None:
     modules = [mixed_union().compile().module for _ in range(2)]
-    texts = [[code.text for code in ObjectEmitter(SceneView(module), True).emit_all()] for module in modules]
+    texts = [[code.text for code in CppEmitter(SceneView(module), True).emit_all()] for module in modules]
     assert texts[0] == texts[1]
 
 

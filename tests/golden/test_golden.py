@@ -19,7 +19,7 @@ from xdsl.parser import Parser
 from yasps import Scene, concat_rows
 from yasps.backend.cpp_curvature import DENSE_PRELUDE
 from yasps.backend.cpp_expand import EXPAND_PRELUDE
-from yasps.backend.cpp_object import PRELUDE, ObjectEmitter
+from yasps.backend.cpp_object import PRELUDE, CppEmitter
 from yasps.backend.cpp_scatter import SCATTER_PRELUDE
 from yasps.backend.scene_view import SceneView
 from yasps.frontend.emit import SceneEmitter
@@ -107,7 +107,7 @@ def made_of(scene: Scene) -> dict[str, str]:
         texts[f"{len(texts):02d}-{name}.mlir"] = text_of(module)
 
     run_pipeline(module, None, after)
-    emitter = ObjectEmitter(SceneView(module), has_vector_math=True)  # as on any Linux with glibc
+    emitter = CppEmitter(SceneView(module), has_vector_math=True)  # as on any Linux with glibc
     emitter.emit_all()
     codes = [code for code in emitter.codes.values() if code.entries]
     owners: dict[str, str] = {}

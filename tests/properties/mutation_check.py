@@ -160,7 +160,7 @@ MUTATIONS = (
     ),
     Mutation(
         "kernels: a target's placement index off by one instance's",
-        "backend/cpp_object.py",
+        "backend/object_text.py",
         'return [f"{out}[0] = (int)({start}[0]{offset} + 1);"]',
         'return [f"{out}[0] = (int)({start}[0]{offset} + 2);"]',
         "tests/properties/test_scenes.py",
