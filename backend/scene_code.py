@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Callable
 from dataclasses import asdict, dataclass
 
 from xdsl.dialects.builtin import ModuleOp
 
-from yasps.backend.cpp_object import CppEmitter
-from yasps.backend.object_text import Binding, ObjectCode
+from yasps.backend.object_text import Binding, ObjectCode, ObjectEmitter
 from yasps.backend.scene_view import SceneView
 from yasps.dialects.rel import name_of
 
@@ -35,10 +35,10 @@ class SceneCode:
     arities: dict[str, int]
 
     @staticmethod
-    def of(module: ModuleOp, has_vector_math: bool) -> SceneCode:
+    def of(module: ModuleOp, emitter_of: Callable[[SceneView], ObjectEmitter]) -> SceneCode:
         """Emits the code of a module after `outline-modules`."""
         scene = SceneView(module)
-        emitter = CppEmitter(scene, has_vector_math)
+        emitter = emitter_of(scene)
         emitter.emit_all()
         derivatives = {}
         for op in scene.derivatives:
@@ -62,6 +62,6 @@ class SceneCode:
         codes = {}
         for name, code in fields["codes"].items():
             bindings = tuple(Binding(**binding) for binding in code["bindings"])
-            codes[name] = ObjectCode(code["name"], code["symbol"], code["text"], bindings, tuple(code["entries"]))
+            codes[name] = ObjectCode(**{**code, "bindings": bindings, "entries": tuple(code["entries"])})
         derivatives = {name: DerivativeCode(**derivative) for name, derivative in fields["derivatives"].items()}
         return SceneCode(codes, derivatives, fields["arities"])

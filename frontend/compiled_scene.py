@@ -11,10 +11,12 @@ import numpy as np
 from numpy.typing import NDArray
 from xdsl.dialects.builtin import ModuleOp
 
+from yasps.backend.cpp_object import CppEmitter
 from yasps.backend.object_text import Binding
 from yasps.backend.program import CompiledModule, Program
 from yasps.backend.scene_code import SceneCode
 from yasps.backend.scene_data import SceneData
+from yasps.backend.scene_view import SceneView
 from yasps.frontend.attribute import Attribute, FloatArray, Joined, Location, Stored, operands_of
 from yasps.frontend.connectivity import Connectivity
 from yasps.frontend.emit import EnergyTerm, SceneEmitter
@@ -155,12 +157,16 @@ class CompiledScene:
     def _code(self, dump_to: Path | None, locations: bool) -> SceneCode:
         """The generated code: of an equal scene, of whatever size, from the cache of compiled code."""
         vector_math = self.runtime.compiler.has_vector_math
+
+        def emitter_of(scene: SceneView) -> CppEmitter:
+            return CppEmitter(scene, vector_math)
+
         if dump_to is not None:
             self._module = self._lower(dump_to, locations=locations)
-            return SceneCode.of(self._module, vector_math)
+            return SceneCode.of(self._module, emitter_of)
 
         def make() -> str:
-            return SceneCode.of(self.module, vector_math).to_text()
+            return SceneCode.of(self.module, emitter_of).to_text()
 
         assert self._unlowered is not None
         parts = [text_without_sizes(self._unlowered), str(vector_math), compiler_digest()]

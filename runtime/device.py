@@ -13,6 +13,8 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from yasps.runtime.toolchain import Source
+
 BLOCK = 128
 """Threads of a block where a kernel does not ask for another number."""
 
@@ -81,6 +83,9 @@ class Device(Protocol):
 
     def clear(self, address: int, size: int) -> None:
         """Sets bytes to zero."""
+
+    def load(self, modules: Sequence[Source], runtime: Sequence[Source]) -> LoadedProgram:
+        """Compiles generated modules and files of the runtime, links them and loads the program."""
 
     def launch(self, kernel: Kernel, threads: int, arguments: Sequence[int | float], *, block: int = BLOCK) -> None:
         """Runs at least so many threads in blocks of `block`; nothing for 0 threads.

@@ -7,6 +7,7 @@ import pytest
 from small_scenes import SCENES
 
 from yasps import Scene
+from yasps.backend.cpp_object import CppEmitter
 from yasps.backend.scene_code import SceneCode
 from yasps.frontend import compiled_scene
 from yasps.frontend.emit import SceneEmitter
@@ -64,5 +65,6 @@ def test_an_equal_scene_runs_no_pass(monkeypatch: pytest.MonkeyPatch) -> None:
 @pytest.mark.parametrize("name", sorted(SCENES))
 def test_text_and_back(name: str) -> None:
     scene = SCENES[name]()
-    code = SceneCode.of(run_pipeline(SceneEmitter("s").emit(scene._energies, scene._targets, [])), True)
+    module = run_pipeline(SceneEmitter("s").emit(scene._energies, scene._targets, []))
+    code = SceneCode.of(module, lambda view: CppEmitter(view, True))
     assert SceneCode.from_text(code.to_text()) == code

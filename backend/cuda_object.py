@@ -1,0 +1,269 @@
+"""One object of a compiled scene as one file of CUDA C++: one instance for each thread (paper, section 7).
+
+The entry points are those of cpp_object, with these differences: `X_batch(a, count, out)` and `X_derive(a, count, ...)`
+are kernels; `X_pull(a, i, b, out)` takes one vector b, and without it only counts its rows; `X_curve` adds to a packed
+upper triangle in which leaves with one place are merged, where row r of the source is row to[r] of the triangle.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from importlib.resources import files
+from itertools import groupby
+from typing import ClassVar
+
+from yasps.backend.cuda_expand import curve_body
+from yasps.backend.object_text import SELF, ObjectEmitter, ObjectText, c_type, size_of
+from yasps.backend.scene_view import Slot
+from yasps.dialects.rel import (
+    ApplyOp,
+    AttributeOp,
+    CurvatureOp,
+    DerivativeOp,
+    JacobianOp,
+    ObjectOp,
+    YieldCurvatureOp,
+    YieldJacobianOp,
+    name_of,
+)
+
+PRELUDE = files("yasps.backend").joinpath("cuda_prelude.cuh").read_text(encoding="utf-8")
+THREADS = 128
+"""Threads of a block of a generated kernel."""
+THIS_THREAD = "blockIdx.x * (long)blockDim.x + threadIdx.x"
+
+
+class CudaEmitter(ObjectEmitter):
+    """Emits CUDA C++."""
+
+    def text_of(self, name: str, container: ObjectOp) -> CudaObjectText:
+        """The text of one object."""
+        return CudaObjectText(self, name, container)
+
+
+@dataclass(frozen=True)
+class SlotRange:
+    """Neighbouring slots that differ only in which connected instance they read: code for them is a loop.
+
+    first: number of the first slot; count: how many. entry, leaf: where the first one's entries and leaves begin.
+    """
+
+    slot: Slot
+    first: int
+    count: int
+    entry: int
+    leaf: int
+
+
+def ranges_of(slots: Sequence[Slot]) -> list[SlotRange]:
+    """The slots as few ranges, in order."""
+    ranges: list[SlotRange] = []
+    first = entry = leaf = 0
+    for _, group in groupby(
+        enumerate(slots), key=lambda item: (item[1].source, item[1].connectivity, item[0] - item[1].position)
+    ):
+        same = [slot for _, slot in group]
+        ranges.append(SlotRange(same[0], first, len(same), entry, leaf))
+        first += len(same)
+        entry += sum(slot.size for slot in same)
+        leaf += sum(slot.capacity for slot in same)
+    return ranges
+
+
+class CudaObjectText(ObjectText):
+    """The text of one object, for one instance."""
+
+    linkage = 'extern "C" __device__'
+    local_linkage = "static __device__ inline"
+    math_prefix = ""
+    parameters: ClassVar[dict[str, str]] = {
+        "value": "{}*",
+        "pull": "const double*, double*",
+        "second": "const double*, double*",
+        "curve": "const double*, double*, long, const int*",
+    }
+
+    def __init__(self, emitter: ObjectEmitter, name: str, container: ObjectOp) -> None:
+        super().__init__(emitter, name, container)
+        self.preludes[PRELUDE] = None
+
+    def helpers(self) -> list[str]:
+        """None: the device has all functions."""
+        return []
+
+    def kernel(self, name: str, parameters: str, body: Sequence[str]) -> None:
+        """Adds an entry that the host launches."""
+        signature = f"{SELF}_{name}(Arguments a, long count, {parameters})"
+        self.entry(name, signature, body, f'extern "C" __global__ void __launch_bounds__({THREADS})')
+
+    def attribute(self, attribute: AttributeOp) -> None:
+        scalar, size = c_type(attribute.matrix_type), self.scene.size(attribute.symbol)
+        if "call" in self.wanted or "batch" in self.wanted:
+            body = self.value_body(attribute, scalar)
+            self.entry("value", f"void {SELF}_value(Arguments a, long i, {scalar}* out)", body)
+        if "batch" in self.wanted:
+            body = [
+                f"const long i = {THIS_THREAD};",
+                "if (i >= count) return;",
+                f"{scalar} one[{size}];",
+                f"{SELF}_value(a, i, one);",
+                f"for (long e = 0; e < {size}; ++e) out[i * {size} + e] = one[e];",
+            ]
+            self.kernel("batch", f"{scalar}* out", body)
+        if self.scene.is_union(attribute.symbol):
+            if self.scene.reaches_target(attribute.symbol):
+                signature = f"long {SELF}_pull(Arguments a, long i, const double* b, double* out)"
+                self.entry("pull", signature, self.union_pull(attribute))
+            if self.scene.is_curved(attribute.symbol):
+                self.entry("curve", CURVE_SIGNATURE, self.union_curve(attribute))
+
+    def union_pull(self, attribute: AttributeOp) -> list[str]:
+        """Statements of the entry `pull` of a UNION: that of the member."""
+        offsets, members = self.branches(attribute)
+        lines = []
+        for k, member in enumerate(members):
+            here = f"const long j = i - {offsets}[{k}]; (void)j;"
+            lines.append(
+                f"if (i < {offsets}[{k + 1}]) {{ {here} return {self.pull_source(member, 'j', 'b', 'out')}; }}"
+            )
+        return [*lines, "return 0;"]
+
+    def union_curve(self, attribute: AttributeOp) -> list[str]:
+        """Statements of the entry `curve` of a UNION."""
+        offsets, members = self.branches(attribute)
+        lines = []
+        for k, member in enumerate(members):
+            curve = self.curve_source(member, "j", "v", "to")
+            here = f"const long j = i - {offsets}[{k}]; (void)j;"
+            lines.append(f"if (i < {offsets}[{k + 1}]) {{ {here} {curve} return; }}")
+        return lines
+
+    def pull_source(self, source: str, index: str, b: str, out: str) -> str:
+        """Expression that writes the rows behind `source` and says how many they are; without b it only counts."""
+        if source in self.scene.targets:
+            return f"copy_rows({self.scene.size(source)}, {b}, {out})"
+        if not self.scene.reaches_target(source):
+            return "0"
+        definition = self.scene.jacobians[source].symbol if source in self.scene.jacobians else source
+        function, arguments = self.callee(definition, "pull")
+        return f"{function}({arguments}, {index}, {b}, {out})"
+
+    def curve_source(self, source: str, index: str, v: str, to: str) -> str:
+        """Statement that adds the curvature behind `source`, contracted with v, to the triangle."""
+        if not self.scene.is_curved(source):
+            return ""
+        definition = self.scene.jacobians[source].symbol if source in self.scene.jacobians else source
+        function, arguments = self.callee(definition, "curve")
+        return f"{function}({arguments}, {index}, {v}, packed, width, {to});"
+
+    def index_in(self, slots: SlotRange, k: str) -> str:
+        """Which instance slot k of the range reads."""
+        if slots.slot.connectivity is None:
+            return self.slot_index(slots.slot)
+        indices = self.bind("indices", slots.slot.connectivity)
+        return f"(long){indices}[i * {slots.slot.arity} + {slots.slot.position} + {k}]"
+
+    def over_connected(self, slot: Slot, body: str) -> list[str]:
+        """Runs `body` for every connected instance j of a slot of variable arity; `connected` counts them."""
+        indices = self.bind("indices", slot.connectivity or "")
+        here = f"{indices}[i * {slot.arity} + connected]"
+        return [
+            "long connected = 0;",
+            f"for (; connected < {slot.arity} && {here} >= 0; ++connected) {{",
+            f"    const long j = {here};",
+            f"    {body}",
+            "    (void)j;",
+            "}",
+        ]
+
+    def pull_slot(self, slots: SlotRange, k: str, b: str, out: str, reached: str) -> list[str]:
+        """As pull_source for what slot k of the range reads; adds to `reached`.
+
+        Of a sum every term gets b, of a mean its share.
+        """
+        slot = slots.slot
+        if slot.reduction is None:
+            return [f"{reached} += {self.pull_source(slot.source, self.index_in(slots, k), b, out)};"]
+        lines = [
+            "{",
+            f"    const double* const from = {b};",
+            f"    double* const into = {out};",
+            "    long terms = 0;",
+        ]
+        pull = f"terms += {self.pull_source(slot.source, 'j', 'from', 'into + terms')};"
+        lines += [f"    {line}" for line in self.over_connected(slot, pull)]
+        if slot.reduction == "mean":
+            lines += ["    if (from)", "        for (long e = 0; e < terms; ++e) into[e] /= (double)connected;"]
+        return [*lines, f"    {reached} += terms;", "}"]
+
+    def curve_slot(self, slots: SlotRange, k: str, v: str, to: str) -> list[str]:
+        """As curve_source for what slot k of the range reads."""
+        slot = slots.slot
+        if slot.reduction is None:
+            return [self.curve_source(slot.source, self.index_in(slots, k), v, to)]
+        lines = ["{", f"    double share[{slot.size}];", "    long reached = 0, terms = 1;"]
+        if slot.reduction == "mean":
+            lines += [
+                "    {",
+                *(f"        {line}" for line in self.over_connected(slot, "")),
+                "        terms = connected;",
+                "    }",
+            ]
+        lines.append(f"    for (long e = 0; e < {slot.size}; ++e) share[e] = ({v})[e] / (double)terms;")
+        count = self.pull_source(slot.source, "j", "(const double*)0", "(double*)0")
+        curve = self.curve_source(slot.source, "j", "share", f"{to} + reached")
+        lines += [f"    {line}" for line in self.over_connected(slot, f"{curve} reached += {count};")]
+        return [*lines, "}"]
+
+    def jacobian(self, jacobian: JacobianOp) -> None:
+        block = jacobian.body.block
+        terminator = block.last_op
+        assert isinstance(terminator, YieldJacobianOp)
+        call = terminator.jacobian.owner
+        assert isinstance(call, ApplyOp)
+        cotangent = block.args[0]
+        q = size_of(terminator.jacobian)
+        slots = [slot for read in self.scene.wrt(jacobian) for slot in self.scene.slots(read)]
+        direct = all(slot.is_target for slot in slots)
+        target = "out" if direct else "w"
+        compute = [*self.gather_scalar("double"), self.call(call, {**self.names(), cotangent: "b"}, [target], "double")]
+        lines = [] if direct else [f"double w[{q}];"]
+        lines += ["if (b) {", *(f"    {line}" for line in compute), "}"]
+        if direct:
+            lines.append(f"return {q};")
+        else:
+            lines.append("long rows = 0;")
+            for same in ranges_of(slots):
+                given = f"b ? w + {same.entry} + k * {same.slot.size} : b"
+                pull = self.pull_slot(same, "k", given, "out + rows", "rows")
+                lines += [f"for (long k = 0; k < {same.count}; ++k) {{", *(f"    {line}" for line in pull), "}"]
+            lines.append("return rows;")
+        self.entry("pull", f"long {SELF}_pull(Arguments a, long i, const double* b, double* out)", lines)
+        name = name_of(jacobian.attribute)
+        if self.scene.is_curved(name):
+            second = None
+            if name in self.scene.curvatures:
+                function, arguments = self.callee(self.scene.curvatures[name].symbol, "second")
+                second = f"{function}({arguments}, i, v, second);"
+            transposed = self.gather_scalar("double")
+            transposed += [f"double w[{q}];", self.call(call, {**self.names(), cotangent: "v"}, ["w"], "double")]
+            self.entry("curve", CURVE_SIGNATURE, curve_body(self, ranges_of(slots), second, transposed))
+
+    def curvature(self, curvature: CurvatureOp) -> None:
+        block = curvature.body.block
+        terminator = block.last_op
+        assert isinstance(terminator, YieldCurvatureOp)
+        call = terminator.hessian.owner
+        assert isinstance(call, ApplyOp)
+        names = {**self.names(), block.args[0]: "v"}
+        lines = [*self.gather_scalar("double"), self.call(call, names, ["out"], "double")]
+        self.entry("second", f"void {SELF}_second(Arguments a, long i, const double* v, double* out)", lines)
+
+    def derivative(self, derivative: DerivativeOp) -> None:
+        from yasps.backend.cuda_derivative import PARAMETERS, derivative_body
+
+        self.kernel("derive", PARAMETERS, derivative_body(self, derivative))
+
+
+CURVE_SIGNATURE = f"void {SELF}_curve(Arguments a, long i, const double* v, double* packed, long width, const int* to)"

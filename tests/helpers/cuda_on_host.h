@@ -1,0 +1,169 @@
+// Stands in for CUDA where device code is built for the host: a launch runs block after block, the threads of a block
+// as fibers, so that __syncthreads and the warp's functions do what they do on a device. Within a block, threads run
+// in turn up to the next function that waits. Only for tests: it is slow, and it finds no race.
+#include <math.h>
+#include <string.h>
+#include <ucontext.h>
+
+#include <vector>
+
+#define __global__
+#define __device__
+#define __host__
+#define __forceinline__ inline
+#define __noinline__ __attribute__((noinline))
+#define __restrict__ __restrict
+#define __shared__ static
+#define __constant__ static
+#define __launch_bounds__(...)
+
+struct Triple {
+    unsigned x, y, z;
+};
+static Triple threadIdx, blockIdx, blockDim, gridDim;
+static const int warpSize = 32;
+
+namespace fibers {
+struct Fiber {
+    ucontext_t context;
+    std::vector<char> stack;
+    bool done;
+};
+static std::vector<Fiber> all;
+static ucontext_t scheduler;
+static int current;
+static void (*body)(void*);
+static void* given;
+static long slots[2][2048];  // what threads say to their warp, by turns
+static int turn[2048];
+
+// Threads that have to meet: a warp, or the block. Those that have ended are not waited for.
+struct Group {
+    int alive, arrived;
+    long meeting;
+};
+static Group block_group, warps[64];
+
+static void leave(Group& group) {
+    --group.alive;
+    if (group.arrived && group.arrived == group.alive) group.arrived = 0, ++group.meeting;
+}
+
+static void run() {
+    body(given);
+    all[current].done = true;
+    leave(block_group), leave(warps[current / 32]);
+    swapcontext(&all[current].context, &scheduler);
+}
+static void meet(Group& group) {
+    const int self = current;
+    const long meeting = group.meeting;
+    if (++group.arrived == group.alive) group.arrived = 0, ++group.meeting;
+    while (group.meeting == meeting) swapcontext(&all[self].context, &scheduler);
+}
+
+static void launch(void (*kernel)(void*), void* arguments, unsigned grid, unsigned block) {
+    body = kernel, given = arguments;
+    gridDim = {grid, 1, 1}, blockDim = {block, 1, 1};
+    if (all.size() < block) all.resize(block);
+    for (unsigned b = 0; b < grid; ++b) {
+        blockIdx = {b, 0, 0};
+        block_group = {(int)block, 0, 0};
+        for (unsigned w = 0; w < 64; ++w)
+            warps[w] = {(int)block - 32 * (int)w < 32 ? (int)block - 32 * (int)w : 32, 0, 0};
+        for (unsigned t = 0; t < block; ++t) {
+            Fiber& fiber = all[t];
+            fiber.stack.resize(1 << 18);
+            fiber.done = false;
+            turn[t] = 0;
+            getcontext(&fiber.context);
+            fiber.context.uc_stack.ss_sp = fiber.stack.data();
+            fiber.context.uc_stack.ss_size = fiber.stack.size();
+            fiber.context.uc_link = nullptr;
+            makecontext(&fiber.context, run, 0);
+        }
+        for (bool running = true; running;) {
+            running = false;
+            for (unsigned t = 0; t < block; ++t) {
+                if (all[t].done) continue;
+                current = t, threadIdx = {t, 0, 0};
+                swapcontext(&scheduler, &all[t].context);
+                running = running || !all[t].done;
+            }
+        }
+    }
+}
+template <class T>
+static T from_lane(T value, int lane) {
+    static_assert(sizeof(T) <= 8, "as on a device");
+    const int self = current, half = turn[self] ^= 1;
+    memcpy(&slots[half][self], &value, sizeof(T));
+    meet(warps[self / 32]);
+    const int source = self / 32 * 32 + lane;
+    T result = value;
+    if (lane >= 0 && lane < 32 && source < (int)blockDim.x) memcpy(&result, &slots[half][source], sizeof(T));
+    return result;
+}
+}  // namespace fibers
+
+static inline void __syncthreads() { fibers::meet(fibers::block_group); }
+static inline void __syncwarp(unsigned = ~0u) { fibers::meet(fibers::warps[fibers::current / 32]); }
+static inline void __threadfence() {}
+template <class T>
+static T __shfl_sync(unsigned, T value, int lane) {
+    return fibers::from_lane(value, lane & 31);
+}
+template <class T>
+static T __shfl_down_sync(unsigned, T value, int by) {
+    const int lane = fibers::current % 32 + by;
+    return fibers::from_lane(value, lane < 32 ? lane : fibers::current % 32);
+}
+template <class T>
+static T __shfl_up_sync(unsigned, T value, int by) {
+    const int lane = fibers::current % 32 - by;
+    return fibers::from_lane(value, lane >= 0 ? lane : fibers::current % 32);
+}
+template <class T>
+static T __shfl_xor_sync(unsigned, T value, int mask) {
+    return fibers::from_lane(value, (fibers::current % 32) ^ mask);
+}
+static unsigned __ballot_sync(unsigned, int predicate) {
+    unsigned bits = 0;
+    const int self = fibers::current, half = fibers::turn[self] ^= 1;
+    fibers::slots[half][self] = predicate != 0;
+    fibers::meet(fibers::warps[self / 32]);
+    for (int lane = 0; lane < 32; ++lane) {
+        const int source = self / 32 * 32 + lane;
+        if (source < (int)blockDim.x && !fibers::all[source].done && fibers::slots[half][source]) bits |= 1u << lane;
+    }
+    return bits;
+}
+static int __any_sync(unsigned mask, int predicate) { return __ballot_sync(mask, predicate) != 0; }
+static int __all_sync(unsigned mask, int predicate) { return !__ballot_sync(mask, !predicate); }
+static inline int __popc(unsigned x) { return __builtin_popcount(x); }
+static inline int __ffs(int x) { return __builtin_ffs(x); }
+static inline int __clz(int x) { return x ? __builtin_clz(x) : 32; }
+
+template <class T, class U>
+static T atomicAdd(T* at, U value) {
+    const T before = *at;
+    *at = before + (T)value;
+    return before;
+}
+template <class T, class U>
+static T atomicMin(T* at, U value) {
+    const T before = *at;
+    if ((T)value < before) *at = (T)value;
+    return before;
+}
+template <class T, class U>
+static T atomicMax(T* at, U value) {
+    const T before = *at;
+    if ((T)value > before) *at = (T)value;
+    return before;
+}
+template <class T>
+static T __ldg(const T* at) {
+    return *at;
+}
+static inline double rsqrt(double x) { return 1.0 / sqrt(x); }

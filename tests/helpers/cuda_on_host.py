@@ -1,0 +1,193 @@
+"""A device made of the host: the text of device code, compiled by the C++ compiler and run as loops and fibers.
+
+So indexing, arithmetic and scatter of all kernels are executed where there is no GPU. Races and memory models are not.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import re
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from yasps.runtime.cuda_sources import with_includes
+from yasps.runtime.device import BLOCK, DeviceMemoryError
+from yasps.runtime.toolchain import Source, compile_sources, find_compiler, link
+
+HEADER = Path(__file__).resolve().with_name("cuda_on_host.h")
+FLAGS = ("-O1", "-std=c++17", "-fPIC", "-Wall", "-Wextra", "-Wno-unused-function", "-Wno-unused-variable")
+_KERNEL = re.compile(
+    r'extern "C" __global__ (?:void (?:__launch_bounds__\(\w+\) )?|__launch_bounds__\(\w+\) void )(\w+)\(([^)]*)\)\s*\{'
+)
+MOST_BYTES = 1 << 33
+"""Where this device says that its memory is used up."""
+
+
+class HostMemory:
+    """Memory, filled with a value nobody should read."""
+
+    def __init__(self, device: HostDevice, size: int) -> None:
+        self._device, self.size = device, size
+        self._array = np.full(size + 256, 0xFF, np.uint8)  # as double: NaN
+        self.address = (self._array.ctypes.data + 255) // 256 * 256
+        device.used += size
+
+    def __del__(self) -> None:
+        self._device.used -= self.size
+
+
+@dataclass(frozen=True)
+class HostKernel:
+    name: str
+    function: Any
+
+
+class HostProgram:
+    def __init__(self, library: ctypes.CDLL) -> None:
+        self._library = library
+
+    def kernel(self, name: str) -> HostKernel:
+        try:
+            return HostKernel(name, getattr(self._library, f"{name}_launch"))
+        except AttributeError as error:
+            raise KeyError(name) from error
+
+    def address_of(self, name: str) -> int:
+        try:
+            return ctypes.addressof(ctypes.c_char.in_dll(self._library, name))
+        except ValueError as error:
+            raise KeyError(name) from error
+
+
+class HostGraph:
+    def __init__(self) -> None:
+        self.work: list[Callable[[], None]] = []
+
+    def launch(self) -> None:
+        for step in self.work:
+            step()
+
+
+class HostDevice:
+    """Implements `yasps.runtime.device.Device`."""
+
+    name = "the host, as a device"
+    architecture = "sm_90"
+
+    def __init__(self, most_bytes: int = MOST_BYTES) -> None:
+        self.used, self.most_bytes = 0, most_bytes
+        self._recording: HostGraph | None = None
+        self.launches: list[str] = []
+        """Names of the kernels launched, for tests."""
+
+    def allocate(self, size: int, purpose: str) -> HostMemory:
+        if self.used + size > self.most_bytes:
+            raise DeviceMemoryError(f"{purpose} needs {size} bytes, but only {self.most_bytes - self.used} are free")
+        return HostMemory(self, size)
+
+    def _do(self, work: Callable[[], None]) -> None:
+        if self._recording is None:
+            work()
+        else:
+            self._recording.work.append(work)
+
+    def upload(self, array: NDArray[Any], address: int) -> None:
+        assert array.flags.c_contiguous
+        assert self._recording is None, "a graph has no uploads"
+        ctypes.memmove(address, array.ctypes.data, array.nbytes)
+
+    def download(self, address: int, array: NDArray[Any]) -> None:
+        assert array.flags.c_contiguous
+        assert self._recording is None, "a graph has no downloads"
+        ctypes.memmove(array.ctypes.data, address, array.nbytes)
+
+    def copy(self, source: int, address: int, size: int) -> None:
+        self._do(lambda: ctypes.memmove(address, source, size) and None)
+
+    def clear(self, address: int, size: int) -> None:
+        self._do(lambda: ctypes.memset(address, 0, size) and None)
+
+    def load(self, modules: Sequence[Source | str], runtime: Sequence[Source | str] = ()) -> HostProgram:
+        """A program of these files of device code (a plain text can include runtime/cuda's), each compiled for itself
+        and linked with the others."""
+        return HostProgram(ctypes.CDLL(str(build([*modules, *runtime]))))
+
+    def launch(self, kernel: HostKernel, threads: int, arguments: Sequence[int | float], *, block: int = BLOCK) -> None:
+        if threads <= 0:
+            return
+        numbers = [ctypes.c_double(a) if isinstance(a, float) else ctypes.c_long(a) for a in arguments]
+        grid = -(-threads // block)
+
+        def run() -> None:
+            pointers = (ctypes.c_void_p * max(1, len(numbers)))(*(ctypes.addressof(number) for number in numbers))
+            self.launches.append(kernel.name)
+            kernel.function(ctypes.c_uint(grid), ctypes.c_uint(block), pointers)
+
+        self._do(run)
+
+    def record(self, work: Callable[[], None]) -> HostGraph:
+        graph = self._recording = HostGraph()
+        try:
+            work()
+        finally:
+            self._recording = None
+        return graph
+
+    def sort_pairs(self, keys: tuple[int, int], values: tuple[int, int], count: int, bits: int) -> None:
+        def run() -> None:
+            source = _view(keys[0], count, ctypes.c_uint64)
+            order = np.argsort(source & np.uint64((1 << bits) - 1), kind="stable")
+            _view(keys[1], count, ctypes.c_uint64)[:] = source[order]
+            _view(values[1], count, ctypes.c_uint32)[:] = _view(values[0], count, ctypes.c_uint32)[order]
+
+        self._do(run)
+
+    def exclusive_sum(self, source: int, address: int, count: int) -> None:
+        def run() -> None:
+            numbers = _view(source, count, ctypes.c_int64)
+            _view(address, count, ctypes.c_int64)[:] = np.cumsum(numbers) - numbers
+
+        self._do(run)
+
+    def synchronize(self) -> None:
+        """Everything is done when it is asked for."""
+
+
+def _view(address: int, count: int, c_type: Any) -> NDArray[Any]:
+    return np.ctypeslib.as_array((c_type * count).from_address(address)) if count else np.zeros(0, c_type)
+
+
+def build(texts: Sequence[Source | str]) -> Path:
+    """A shared library of these files of device code; every kernel X gets a function X_launch."""
+    compiler = find_compiler(FLAGS)
+    sources = [
+        Source(f"on_host_{k}", on_host(item)) if isinstance(item, str) else Source(item.name, on_host(item.text))
+        for k, item in enumerate(texts)
+    ]
+    objects = compile_sources(sources, compiler)
+    return link(objects, compiler, ("-Wl,-Bsymbolic", "-lm")).path
+
+
+def on_host(text: str) -> str:
+    """The C++ text of a file of device code, with the functions that launch its kernels."""
+    whole = with_includes(text)
+    return "\n".join([HEADER.read_text(encoding="utf-8"), whole, *(_launcher(*found) for found in _kernels(whole))])
+
+
+def _kernels(text: str) -> list[tuple[str, str]]:
+    return [(match.group(1), match.group(2)) for match in _KERNEL.finditer(text)]
+
+
+def _launcher(name: str, parameters: str) -> str:
+    types = [parameter.strip().rsplit(" ", 1)[0] for parameter in parameters.split(",") if parameter.strip()]
+    passed = ", ".join(f"*({type_}*)a[{k}]" for k, type_ in enumerate(types))
+    return (
+        f"static void {name}_thread(void* given) {{ void** const a = (void**)given; (void)a; {name}({passed}); }}\n"
+        f'extern "C" void {name}_launch(unsigned grid, unsigned block, void** a) '
+        f"{{ fibers::launch({name}_thread, a, grid, block); }}\n"
+    )
