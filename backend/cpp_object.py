@@ -57,11 +57,11 @@ class CppObjectText(ObjectText):
     linkage = 'extern "C"'
     local_linkage = "static inline"
     math_prefix = "__builtin_"
-    parameters: ClassVar[dict[str, str]] = {
-        "value": "{}*",
-        "pull": "const V*, long, V*",
-        "second": "const double*, double*",
-        "curve": "const double*, double*, long",
+    signatures: ClassVar[dict[str, tuple[str, str]]] = {
+        "value": ("void", "{}*"),
+        "pull": ("long", "const V*, long, V*"),
+        "second": ("void", "const double*, double*"),
+        "curve": ("long", "const double*, double*, long"),
     }
 
     def __init__(self, emitter: ObjectEmitter, name: str, container: ObjectOp, has_vector_math: bool) -> None:

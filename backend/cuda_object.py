@@ -77,11 +77,11 @@ class CudaObjectText(ObjectText):
     linkage = 'extern "C" __device__'
     local_linkage = "static __device__ inline"
     math_prefix = ""
-    parameters: ClassVar[dict[str, str]] = {
-        "value": "{}*",
-        "pull": "const double*, double*",
-        "second": "const double*, double*",
-        "curve": "const double*, double*, long, const int*",
+    signatures: ClassVar[dict[str, tuple[str, str]]] = {
+        "value": ("void", "{}*"),
+        "pull": ("long", "const double*, double*"),
+        "second": ("void", "const double*, double*"),
+        "curve": ("void", "const double*, double*, long, const int*"),
     }
 
     def __init__(self, emitter: ObjectEmitter, name: str, container: ObjectOp) -> None:

@@ -112,8 +112,8 @@ class ObjectText(ABC):
     """What stands before functions of this file alone."""
     math_prefix: ClassVar[str]
     """What stands before the names of mathematical functions of one number."""
-    parameters: ClassVar[dict[str, str]]
-    """Of each kind of entry that other objects call, those after `Arguments a, long i`."""
+    signatures: ClassVar[dict[str, tuple[str, str]]]
+    """Of each kind of entry that other objects call, the result's type and the parameters after `Arguments, long`."""
 
     def __init__(self, emitter: ObjectEmitter, name: str, container: ObjectOp) -> None:
         self.emitter = emitter
@@ -159,9 +159,9 @@ class ObjectText(ABC):
         """Function and argument pointer to call another object's entry."""
         code = self.emitter.code_of(definition)
         function = f"{code.symbol}_{entry}"
-        result = "void" if entry in {"value", "second"} else "long"
-        parameters = self.parameters[entry].format(c_type(self.scene.type_of(definition)) if entry == "value" else "")
-        self.externs[f"{self.linkage} {result} {function}(Arguments, long, {parameters});"] = None
+        scalar = c_type(self.scene.type_of(definition)) if entry == "value" else ""
+        result, parameters = self.signatures[entry]
+        self.externs[f"{self.linkage} {result} {function}(Arguments, long, {parameters.format(scalar)});"] = None
         return function, self.bind("arguments", definition)
 
     def copy_source(self, source: str, index: str, out: str, scalar: str) -> str:
