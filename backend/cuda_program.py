@@ -4,10 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 
 from yasps.backend.object_text import Binding
+from yasps.backend.program import CompiledModule
 from yasps.backend.scene_code import SceneCode
 from yasps.runtime.cuda_sources import runtime_sources
 from yasps.runtime.device import Device, DeviceArray, LoadedProgram
@@ -56,6 +58,11 @@ class CudaProgram:
         self._pointers = np.zeros(total, np.uint64)
         self._arguments = DeviceArray(device, np.uint64, "the kernels' arguments").resize(total)
         self._workspace = DeviceArray(device, np.float64, "the workspace of projections")
+
+    @property
+    def log(self) -> list[CompiledModule]:
+        """One line for each file that was compiled, and the link."""
+        return [CompiledModule(row.name, row.seconds, row.cached, row.lines) for row in self.loaded.rows]
 
     def bind(self, address_of: Callable[[Binding], int]) -> None:
         """Points all objects to arrays on the device; again whenever one has moved."""
@@ -106,3 +113,11 @@ def modules_of(code: SceneCode) -> list[Source]:
     names = {item.symbol: name for name, item in reversed(code.codes.items())}
     texts = {item.symbol: item.text for item in code.codes.values()}
     return [Source(names[symbol], text) for symbol, text in texts.items()]
+
+
+def dump_modules(code: SceneCode, folder: Path) -> None:
+    """Writes the generated files, named after what they compute."""
+    target = folder / "generated"
+    target.mkdir(parents=True, exist_ok=True)
+    for module in modules_of(code):
+        (target / f"{module.name}.cu").write_text(module.text, encoding="utf-8")

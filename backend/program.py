@@ -61,6 +61,10 @@ class Program:
                 else:
                     array[k] = address_of(binding)
 
+    def point(self, name: str, binding: Binding, address: int) -> None:
+        """Points one object elsewhere, until the next `bind`."""
+        self._arguments[name][self.codes[name].bindings.index(binding)] = address
+
     def function(self, name: str, entry: str) -> int:
         """Address of an entry point of the object that defines `name`."""
         symbol = getattr(self._library, f"{self.codes[name].symbol}_{entry}")

@@ -21,7 +21,7 @@ from yasps.backend.cpp_object import CppEmitter
 from yasps.backend.program import LINK_FLAGS
 from yasps.backend.scene_view import SceneView
 from yasps.examples.two_bunnies import two_bunnies
-from yasps.frontend.compiled_scene import CompiledScene
+from yasps.frontend.cpu_scene import CpuScene
 from yasps.frontend.emit import SceneEmitter
 from yasps.frontend.environment_report import cpu_model
 from yasps.frontend.scene import Scene
@@ -209,7 +209,7 @@ def _processor_seconds() -> float:
     return times.children_user + times.children_system
 
 
-def _compiled(scene: Scene, runtime: Runtime) -> CompiledScene:
+def _compiled(scene: Scene, runtime: Runtime) -> CpuScene:
     """The scene compiled by the compiler of this runtime; the runtime itself stays as it is."""
     scene._runtime = runtime
     return scene.compile()
@@ -221,7 +221,7 @@ def _linked(objects: Sequence[CompiledObject], compiler: Compiler) -> ctypes.CDL
     return ctypes.CDLL(str(link(objects, compiler, (*LINK_FLAGS, *math)).path))
 
 
-def _exchange(compiled: CompiledScene, library: ctypes.CDLL) -> None:
+def _exchange(compiled: CpuScene, library: ctypes.CDLL) -> None:
     """The scene runs on this library, which has the same functions. Raises ValueError if they do something else."""
     expected = compiled.assemble()
     compiled.program._library = library

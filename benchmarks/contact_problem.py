@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 
 from yasps import Scene
 from yasps.frontend.attribute import Attribute
-from yasps.frontend.compiled_scene import CompiledScene
 from yasps.frontend.contact import KINDS, barrier, mollifier
+from yasps.frontend.cpu_scene import CpuScene
 from yasps.frontend.mesh import Mesh
 from yasps.frontend.primitive import Primitive, PrimitiveBase
 
@@ -88,7 +88,7 @@ class ContactProblem:
     """The scene of these pairs, with one energy, compiled and its structure built."""
 
     pairs: Pairs
-    compiled: CompiledScene
+    compiled: CpuScene
     threads: int
 
 

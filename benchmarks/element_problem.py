@@ -12,8 +12,8 @@ from benchmarks.kernel_problem import projected_share
 from yasps import Scene
 from yasps.frontend import materials
 from yasps.frontend.attribute import Attribute
-from yasps.frontend.compiled_scene import CompiledScene
 from yasps.frontend.connectivity import Connectivity
+from yasps.frontend.cpu_scene import CpuScene
 from yasps.frontend.shapes import box, cloth_grid
 from yasps.frontend.tetrahedral_mesh import TetrahedralMesh
 
@@ -143,7 +143,7 @@ class Problem:
     elements: Elements
     position: Attribute
     corners: Connectivity
-    compiled: CompiledScene
+    compiled: CpuScene
     threads: int
 
     def deform(self, amplitude: float) -> None:

@@ -13,7 +13,7 @@ from scipy import sparse
 from benchmarks.measure import Peer, Report, Row, Settings, measure
 from yasps import Scene
 from yasps.frontend.attribute import Attribute
-from yasps.frontend.compiled_scene import CompiledScene
+from yasps.frontend.cpu_scene import CpuScene
 from yasps.frontend.environment_report import cpu_model
 from yasps.frontend.mesh import Mesh
 from yasps.frontend.primitive import Primitive, PrimitiveBase
@@ -45,7 +45,7 @@ class Case:
     """
 
     name: str
-    compiled: CompiledScene
+    compiled: CpuScene
     indices: Callable[[], NDArray[np.int64]]
 
     @property
@@ -169,7 +169,7 @@ def _joined(primitive: Primitive, of: PrimitiveBase, indices: NDArray[np.int32],
     return primitive.add_attribute("positions", through=connectivity, source=source)
 
 
-def _compiled(scene: Scene, primitive: Primitive, x: Attribute, unknowns: list[Attribute]) -> CompiledScene:
+def _compiled(scene: Scene, primitive: Primitive, x: Attribute, unknowns: list[Attribute]) -> CpuScene:
     scene.add_energy(primitive.add_attribute("energy", computed_attribute=x.dot(x)))
     scene.add_minimize_target(unknowns)
     compiled = scene.compile()

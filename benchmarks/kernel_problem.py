@@ -14,41 +14,40 @@ from benchmarks.bandwidth import memory_bandwidth
 from benchmarks.measure import Row
 from benchmarks.opcounts import operations
 from yasps.frontend.attribute import Stored
-from yasps.frontend.compiled_scene import CompiledScene
+from yasps.frontend.cpu_scene import CpuScene
 from yasps.runtime.assembly import Assembler, KernelCall
 from yasps.runtime.toolchain import Compiler
 
 UNIT = "ns/element"
 
 
-def projected_share(compiled: CompiledScene) -> float:
+def projected_share(compiled: CpuScene) -> float:
     """Share of the instances of the scene's only energy whose Hessian the assembler has to project now."""
     compiled.assemble()
     (term,) = compiled._terms
     assert term.derivative is not None
-    assert term.kappas is not None
+    placement = compiled.placements[term.symbol]
     call = KernelCall(
         compiled.program.function(term.derivative, "derive"),
         compiled.program.arguments(term.derivative),
         term.count,
-        term.kappas,
-        term.positions,
+        placement.kappas,
+        placement.positions,
     )
     matrix = compiled.static_matrix
     (status,) = Assembler(compiled.runtime).assemble([call], [matrix], np.zeros(matrix.size), matrix.block_size_at)
     return status.projected / term.count
 
 
-def bytes_per_element(compiled: CompiledScene) -> float:
+def bytes_per_element(compiled: CpuScene) -> float:
     """Bytes that an assembly must move for each instance of the scene's only energy, nothing twice: everything that is
     read (numbers, connectivities, placement) and everything that is written (gradient, matrix)."""
     (term,) = compiled._terms
-    assert term.kappas is not None
-    assert term.positions is not None
+    placement = compiled.placements[term.symbol]
     numbers = [a.node.array for a in compiled.emitter.stored.values() if isinstance(a.node, Stored)]
     indices = [connectivity.indices for connectivity in compiled.emitter.connected.values()]
     matrix = compiled.static_matrix
-    moved: list[NDArray[Any]] = [*numbers, *indices, term.kappas, term.positions, matrix.values]
+    moved: list[NDArray[Any]] = [*numbers, *indices, placement.kappas, placement.positions, matrix.values]
     return (sum(array.nbytes for array in moved) + 8 * matrix.size) / term.count
 
 
@@ -64,7 +63,7 @@ class Machine:
         """As measured."""
         return [*self.bandwidths, self.arithmetic]
 
-    def floor(self, compiled: CompiledScene, threads: int) -> tuple[float, str]:
+    def floor(self, compiled: CpuScene, threads: int) -> tuple[float, str]:
         """Least ns for each instance of the scene's only energy, and what binds: "bytes" or "arithmetic"."""
         copy = next(row.value for row in self.bandwidths if row.threads == threads)
         moving = bytes_per_element(compiled) / copy
@@ -78,9 +77,7 @@ def measure_machine(compiler: Compiler, threads: Sequence[int], repeats: int) ->
     return Machine(bandwidths, peak_arithmetic(compiler, repeats))
 
 
-def floor_rows(
-    name: str, compiled: CompiledScene, machine: Machine, rows: Sequence[Row], unit: str = UNIT
-) -> list[Row]:
+def floor_rows(name: str, compiled: CpuScene, machine: Machine, rows: Sequence[Row], unit: str = UNIT) -> list[Row]:
     """The floor of one energy, and how far each of the rows (assemblies of it) stands above it."""
     found = [
         Row(f"{name}, moved", "bytes", 1, bytes_per_element(compiled), unit.replace("ns", "B")),

@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 
 from yasps import Attribute, Scene
 from yasps.frontend import materials
-from yasps.frontend.compiled_scene import CompiledScene
 from yasps.frontend.contact import BarrierContact
+from yasps.frontend.cpu_scene import CpuScene
 from yasps.frontend.mesh import Mesh
 from yasps.frontend.primitive import Primitive
 from yasps.frontend.shapes import box
@@ -30,7 +30,7 @@ class SolverProblem:
     """Assembled H and g of H x = g, and how many pairs are in contact."""
 
     name: str
-    compiled: CompiledScene
+    compiled: CpuScene
     gradient: NDArray[np.float64]
     contacts: int = 0
 

@@ -66,11 +66,15 @@ def user_location() -> Location:
 
 
 class Stored:
-    """An attribute whose numbers the user supplies: `array` is [instances, rows, columns]."""
+    """An attribute whose numbers the user supplies: `array` is [instances, rows, columns].
+
+    `version` counts how often they were set in place.
+    """
 
     def __init__(self, array: FloatArray, constant: bool) -> None:
         self.array = array
         self.constant = constant
+        self.version = 0
 
 
 @dataclass(frozen=True)
@@ -240,6 +244,7 @@ class Attribute:
         shaped = array.reshape(count, *self._shape)
         if self._node.array.shape == shaped.shape:
             self._node.array[...] = shaped
+            self._node.version += 1
         else:
             self._node.array = shaped.copy()
             self._owner.scene.arrays_moved()

@@ -1,8 +1,9 @@
-"""A scene's numbers and its machine code brought together: evaluation, assembly and solution on the CPU."""
+"""What a scene compiled for any device has in common: its code, its terms, and what must be done again when."""
 
 from __future__ import annotations
 
 import time
+from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -11,27 +12,21 @@ import numpy as np
 from numpy.typing import NDArray
 from xdsl.dialects.builtin import ModuleOp
 
-from yasps.backend.cpp_object import CppEmitter
-from yasps.backend.object_text import Binding
-from yasps.backend.program import CompiledModule, Program
-from yasps.backend.scene_code import SceneCode
+from yasps.backend.object_text import ObjectEmitter
+from yasps.backend.program import CompiledModule
 from yasps.backend.scene_data import SceneData
 from yasps.backend.scene_view import SceneView
 from yasps.frontend.attribute import Attribute, FloatArray, Joined, Location, Stored, operands_of
 from yasps.frontend.connectivity import Connectivity
-from yasps.frontend.emit import EnergyTerm, SceneEmitter
+from yasps.frontend.emit import EnergyTerm
 from yasps.frontend.entity import Entity
-from yasps.frontend.errors import ConnectivityError, NotFiniteError, UnsupportedSceneError
+from yasps.frontend.errors import ConnectivityError, NotFiniteError
+from yasps.frontend.hessian import Hessian
 from yasps.frontend.primitive import Primitive, PrimitiveUnion
-from yasps.frontend.scene_key import compiler_digest, text_without_sizes
-from yasps.passes.errors import CompileError
-from yasps.passes.pipeline import run_pipeline
-from yasps.runtime.assembly import Assembler, KernelCall, evaluate
-from yasps.runtime.block_matrix import BlockMatrix
-from yasps.runtime.library import Projection, Runtime
+from yasps.frontend.scene_source import SceneSource
+from yasps.runtime.block_matrix import BlockGroup
+from yasps.runtime.library import Projection
 from yasps.runtime.solver import SolveReport
-from yasps.runtime.solver_choice import LinearSolver
-from yasps.runtime.toolchain import kept_text
 
 MODES = {"clamp": Projection.CLAMP, "abs": Projection.ABS, "none": Projection.NONE}
 
@@ -62,7 +57,7 @@ class CompileReport:
 
 
 @dataclass
-class _Term:
+class Term:
     """An energy in the program."""
 
     symbol: str
@@ -73,11 +68,10 @@ class _Term:
     capacity: int
     dynamic: bool
     mode: Projection
-    kappas: NDArray[np.int32] | None = None
-    positions: NDArray[np.int64] | None = None
 
     @property
     def count(self) -> int:
+        """How many instances it has now."""
         return 1 if self.owner is None else self.owner.num_instances
 
 
@@ -101,7 +95,7 @@ class _Reads:
             stack.extend(new)
 
 
-class CompiledScene:
+class CompiledScene(ABC):
     """Machine code for energies, targets and outputs of a scene, bound to its arrays."""
 
     def __init__(
@@ -111,26 +105,26 @@ class CompiledScene:
         targets: Sequence[Attribute],
         outputs: Sequence[Attribute],
         *,
-        runtime: Runtime,
-        deterministic: bool = False,
         dump_to: Path | None,
         dump_locations: bool = False,
     ) -> None:
-        self.runtime = runtime
         self.targets = list(targets)
-        self.emitter = SceneEmitter(scene_name)
         start = time.perf_counter()
-        self._unlowered: ModuleOp | None = self.emitter.emit(energies, targets, outputs)
-        self._module: ModuleOp | None = None
-        code = self._code(dump_to, dump_locations)
+        self._source = SceneSource(
+            scene_name,
+            energies,
+            targets,
+            outputs,
+            emitter_of=self._emitter,
+            key=self._key(),
+            dump_to=dump_to,
+            dump_locations=dump_locations,
+        )
+        self.emitter, self.code = self._source.emitter, self._source.code
         symbolic = time.perf_counter() - start
-        self.program = Program(code, runtime.compiler, dump_to)
+        modules = self._build(dump_to)
         native = time.perf_counter() - start - symbolic
-        self.report = CompileReport(symbolic, native, (*self._runtime_log(), *self.program.log))
-        self.static_matrix = BlockMatrix(runtime, with_diagonal=True)
-        self.dynamic_matrix = BlockMatrix(runtime, with_diagonal=False)
-        self._assembler = Assembler(runtime, deterministic=deterministic)
-        self._solver = LinearSolver(runtime, deterministic=deterministic)
+        self.report = CompileReport(symbolic, native, tuple(modules))
         self._starts: dict[str, NDArray[np.int64]] = {}
         self._offsets: dict[str, NDArray[np.int64]] = {}
         self._terms = self._make_terms(energies)
@@ -139,51 +133,75 @@ class CompiledScene:
         self._static_valid = False
         self._dynamic_valid = False
 
+    # -- what devices differ in ----------------------------------------------------------------------------
+
+    @abstractmethod
+    def _key(self) -> Sequence[str]:
+        """What the generated code depends on apart from the scene."""
+
+    @abstractmethod
+    def _emitter(self, view: SceneView) -> ObjectEmitter:
+        """What emits the code."""
+
+    @abstractmethod
+    def _build(self, dump_to: Path | None) -> Sequence[CompiledModule]:
+        """Compiles and loads the code, and makes room for what it computes; returns the compile log."""
+
+    @abstractmethod
+    def _point(self) -> None:
+        """Points the program to the scene's arrays as they are now."""
+
+    @abstractmethod
+    def _run(self, symbol: str, count: int, shape: tuple[int, int]) -> FloatArray:
+        """Values of a computed attribute on `count` instances."""
+
+    @abstractmethod
+    def total_energy(self) -> float:
+        """Sum of all energies; infinite or NaN where one is."""
+
+    @abstractmethod
+    def update_structure(self) -> None:
+        """Placement indices and sparsity, for the parts that changed (paper, section 6, appendices A and B)."""
+
+    @abstractmethod
+    def assemble(self, *, hessian: bool = True, project: bool = True) -> FloatArray:
+        """Gradient of all targets, end to end, and the Hessian, which stays inside.
+
+        Raises NotFiniteError that names the energy and the instance.
+        """
+
+    @abstractmethod
+    def solve_linear(
+        self,
+        gradient: FloatArray,
+        tolerance: float,
+        max_iterations: int,
+        *,
+        solver: str = "pcg",
+        history: bool = False,
+    ) -> tuple[FloatArray, SolveReport]:
+        """x of H x = gradient for the assembled Hessian by "pcg", "direct" or "auto", and how the solver ended."""
+
+    @abstractmethod
+    def hessian_groups(self) -> list[BlockGroup]:
+        """The blocks of the assembled Hessian by shape, on the host; of one place there may be several."""
+
+    # -- code ----------------------------------------------------------------------------------------------
+
     @property
     def module(self) -> ModuleOp:
         """The scene's IR after all passes, which run now if the code came from the cache."""
-        if self._module is None:
-            self._module = self._lower(None, locations=False)
-        return self._module
+        return self._source.module
 
-    def _lower(self, dump_to: Path | None, *, locations: bool) -> ModuleOp:
-        assert self._unlowered is not None
-        module, self._unlowered = self._unlowered, None
-        try:
-            return run_pipeline(module, dump_to, locations=locations)
-        except CompileError as error:
-            raise UnsupportedSceneError(str(error)) from error
-
-    def _code(self, dump_to: Path | None, locations: bool) -> SceneCode:
-        """The generated code: of an equal scene, of whatever size, from the cache of compiled code."""
-        vector_math = self.runtime.compiler.has_vector_math
-
-        def emitter_of(scene: SceneView) -> CppEmitter:
-            return CppEmitter(scene, vector_math)
-
-        if dump_to is not None:
-            self._module = self._lower(dump_to, locations=locations)
-            return SceneCode.of(self._module, emitter_of)
-
-        def make() -> str:
-            return SceneCode.of(self.module, emitter_of).to_text()
-
-        assert self._unlowered is not None
-        parts = [text_without_sizes(self._unlowered), str(vector_math), compiler_digest()]
-        return SceneCode.from_text(kept_text("scene", parts, make))
-
-    def _runtime_log(self) -> list[CompiledModule]:
-        return [CompiledModule(item.name, item.seconds, item.cached, 0) for item in self.runtime.objects]
-
-    def _make_terms(self, energies: Sequence[EnergyTerm]) -> list[_Term]:
-        derivatives = self.program.code.derivatives
+    def _make_terms(self, energies: Sequence[EnergyTerm]) -> list[Term]:
+        derivatives = self.code.derivatives
         terms = []
         for energy in energies:
             symbol = self.emitter.symbol_of(energy.attribute)
             derivative = derivatives.get(symbol)
             owner = energy.attribute.owner
             terms.append(
-                _Term(
+                Term(
                     symbol,
                     energy.attribute.where,
                     owner if isinstance(owner, Primitive | PrimitiveUnion) else None,
@@ -221,7 +239,7 @@ class CompiledScene:
     @property
     def is_outgrown(self) -> bool:
         """Has a connectivity of variable arity got longer rows than the code was compiled for?"""
-        arities = self.program.code.arities
+        arities = self.code.arities
         return any(c.arity != arities[name] for name, c in self.emitter.connected.items())
 
     def bind(self) -> None:
@@ -248,19 +266,8 @@ class CompiledScene:
         for symbol, owner in self.emitter.owners.items():
             if isinstance(owner, PrimitiveUnion):
                 self._offsets[symbol] = owner.offsets()
-        self.program.bind(self._address_of)
+        self._point()
         self._bound = True
-
-    def _address_of(self, binding: Binding) -> int:
-        if binding.kind == "storage":
-            node = self.emitter.stored[binding.name].node
-            assert isinstance(node, Stored)
-            return node.array.ctypes.data
-        if binding.kind == "indices":
-            return self.emitter.connected[binding.name].indices.ctypes.data
-        if binding.kind == "offsets":
-            return self._offsets[binding.name].ctypes.data
-        return self._starts[binding.name].ctypes.data
 
     def data(self) -> SceneData:
         """The scene's numbers for the reference interpreter."""
@@ -282,95 +289,25 @@ class CompiledScene:
         assert attribute.owner is not None
         return self._run(self.emitter.symbol_of(attribute), attribute.owner.num_instances, attribute.shape)
 
-    def _run(self, symbol: str, count: int, shape: tuple[int, int]) -> FloatArray:
-        self.bind()
-        out = np.empty((count, *shape))
-        function, arguments = self.program.function(symbol, "batch"), self.program.arguments(symbol)
-        evaluate(self.runtime, function, arguments, count, out)
-        return out
-
     def energies(self) -> dict[str, FloatArray]:
         """Each energy on all its instances, by path, [instances]."""
         return {term.symbol: self._run(term.symbol, term.count, (1, 1)).reshape(-1) for term in self._terms}
 
-    def total_energy(self) -> float:
-        """Sum of all energies; infinite or NaN where one is."""
-        return float(sum(self.runtime.sum(values) for values in self.energies().values()))
+    def hessian(self) -> Hessian:
+        """A copy of the assembled Hessian."""
+        return Hessian(int(self._layout()[0][-1]), self.hessian_groups())
 
-    def update_structure(self) -> None:
-        """Placement indices and sparsity, for the parts that changed (paper, section 6, appendices A and B)."""
-        self.bind()
-        shapes = [target.shape for target in self.targets]
+    def _layout(self) -> tuple[NDArray[np.int64], NDArray[np.int32]]:
+        """Scalar offsets of the targets, [targets + 1], and scalars of one instance of each."""
         sizes = [target.node.array.size for target in self.targets if isinstance(target.node, Stored)]
         boundaries = np.cumsum([0, *sizes]).astype(np.int64)
-        block_sizes = np.array([rows * cols for rows, cols in shapes], np.int32)
-        for valid, matrix, dynamic in (
-            (self._static_valid, self.static_matrix, False),
-            (self._dynamic_valid, self.dynamic_matrix, True),
-        ):
-            if valid:
-                continue
-            terms = [term for term in self._terms if term.dynamic is dynamic and term.kappa is not None]
-            kappas = []
-            for term in terms:
-                assert term.kappa is not None
-                term.kappas = self.program.indices(term.kappa, term.count, term.capacity)
-                kappas.append(term.kappas)
-            # Both parts need the same order inside; the one with most blocks, and that seldom changes, chooses it.
-            if dynamic:
-                built = matrix.build(boundaries, block_sizes, kappas, order=self.static_matrix.order)
-            else:
-                built = matrix.build(boundaries, block_sizes, kappas, reorder=True)
-            for term, positions in zip(terms, built, strict=True):
-                term.positions = positions
-        self._static_valid = self._dynamic_valid = True
+        return boundaries, np.array([rows * cols for rows, cols in (t.shape for t in self.targets)], np.int32)
 
-    def assemble(self, *, hessian: bool = True, project: bool = True) -> FloatArray:
-        """Gradient of all targets, end to end; fills `static_matrix` and `dynamic_matrix` (their sum is the Hessian).
-
-        Raises NotFiniteError that names the energy and the instance.
-        """
-        self.update_structure()
-        gradient = np.zeros(self.static_matrix.size)
-        calls, terms = [], []
-        for term in self._terms:
-            if term.derivative is None or term.count == 0:
-                continue
-            assert term.kappas is not None
-            calls.append(
-                KernelCall(
-                    self.program.function(term.derivative, "derive"),
-                    self.program.arguments(term.derivative),
-                    term.count,
-                    term.kappas,
-                    term.positions if hessian else None,
-                    (1 if term.dynamic else 0) if hessian else None,
-                    term.mode if project else Projection.NONE,
-                )
-            )
-            terms.append(term)
-        parts = [self.static_matrix, self.dynamic_matrix]
-        statuses = self._assembler.assemble(calls, parts, gradient, self.static_matrix.block_size_at)
-        for term, status in zip(terms, statuses, strict=True):
-            if status.first_bad is not None:
-                raise NotFiniteError(
-                    f"the derivatives of energy {term.symbol} are not finite on instance {status.first_bad}; look at "
-                    f"its inputs there (inverted element, distance 0, overflow?). It was made at {term.where}"
-                )
-        return gradient
-
-    def solve_linear(
-        self,
-        gradient: FloatArray,
-        tolerance: float,
-        max_iterations: int,
-        *,
-        solver: str = "pcg",
-        history: bool = False,
-    ) -> tuple[FloatArray, SolveReport]:
-        """x of H x = gradient for the assembled Hessian by "pcg", "direct" or "auto", and how the solver ended."""
-        parts = [self.static_matrix, self.dynamic_matrix]
-        return self._solver.solve(parts, gradient, tolerance, max_iterations, solver=solver, with_history=history)
+    def _not_finite(self, term: Term, instance: int) -> NotFiniteError:
+        return NotFiniteError(
+            f"the derivatives of energy {term.symbol} are not finite on instance {instance}; look at "
+            f"its inputs there (inverted element, distance 0, overflow?). It was made at {term.where}"
+        )
 
     def place_of(self, unknown: int) -> str:
         """Target and instance of one scalar unknown, for messages."""

@@ -59,6 +59,11 @@ class Connectivity:
         view.flags.writeable = False
         return view
 
+    @property
+    def stored_indices(self) -> IntArray:
+        """The same, and the same object until they are replaced."""
+        return self._indices
+
     def __repr__(self) -> str:
         return f"<connectivity {self.path}: {self.source.path} -> {self.arity} x {self.target.path}>"
 

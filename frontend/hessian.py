@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from yasps.frontend.attribute import FloatArray
-from yasps.runtime.block_matrix import BlockMatrix
+from yasps.runtime.block_matrix import BlockGroup
 
 if TYPE_CHECKING:
     from scipy import sparse
@@ -33,17 +33,15 @@ class Hessian:
     there may be several blocks (a static and a dynamic part), which add up.
     """
 
-    def __init__(self, parts: Sequence[BlockMatrix]) -> None:
-        size = parts[0].size
+    def __init__(self, size: int, groups: Sequence[BlockGroup]) -> None:
         self.shape = (size, size)
         self.blocks = []
-        for part in parts:
-            for group in part.groups:
-                above = group.rows <= group.cols
-                self.blocks.append(HessianBlock(group.rows[above], group.cols[above], group.values[above]))
-                if not above.all():  # the solver's own order of unknowns decides which of two blocks is stored
-                    transposed = group.values[~above].transpose(0, 2, 1).copy()
-                    self.blocks.append(HessianBlock(group.cols[~above], group.rows[~above], transposed))
+        for group in groups:
+            above = group.rows <= group.cols
+            self.blocks.append(HessianBlock(group.rows[above], group.cols[above], group.values[above]))
+            if not above.all():  # the solver's own order of unknowns decides which of two blocks is stored
+                transposed = group.values[~above].transpose(0, 2, 1).copy()
+                self.blocks.append(HessianBlock(group.cols[~above], group.rows[~above], transposed))
 
     def __repr__(self) -> str:
         stored = sum(len(block.rows) for block in self.blocks)

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import os
+import re
 import weakref
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, overload
 
 import numpy as np
 
@@ -16,6 +17,7 @@ from yasps.dialects.mat import spell
 from yasps.dialects.rel import PROJECTIONS
 from yasps.frontend.attribute import Attribute, FloatArray, Stored
 from yasps.frontend.compiled_scene import CompiledScene, CompileReport
+from yasps.frontend.cpu_scene import CpuScene
 from yasps.frontend.emit import EnergyTerm
 from yasps.frontend.entity import Entity
 from yasps.frontend.errors import NameTakenError, NotConvergedError, SceneError, ShapeMismatchError
@@ -31,7 +33,12 @@ if TYPE_CHECKING:
     from scipy import sparse
 
     from yasps.frontend.connectivity import Connectivity
+    from yasps.frontend.device_report import DeviceCompileReport
     from yasps.frontend.primitive import PrimitiveBase
+    from yasps.runtime.device import Device
+
+
+_DEVICE_NAME = re.compile(r"cpu|cuda(:\d+)?")
 
 
 @dataclass(frozen=True)
@@ -50,22 +57,32 @@ class Solution:
 class Scene(Entity):
     """Meshes, attributes, energies and minimisation targets, and what the compiler makes of them.
 
-    device: "cpu". threads: of the runtime; default one for each processor. deterministic: the same bits for any number
-    of threads, for some more time and memory; without it, for the same number. Nothing is global: scenes of the same
-    name live side by side.
+    device: "cpu"; "cuda", or "cuda:1" for another than the first GPU; or a `yasps.runtime.device.Device`, which several
+    scenes may share. threads: of the CPU's runtime; default one for each processor. deterministic: the same bits for
+    any number of threads, and on a GPU in every run, for some more time and memory; without it, on the CPU for the same
+    number. Nothing is global: scenes of the same name live side by side.
     """
 
     kind = "scene"
 
     def __init__(
-        self, name: str, *, device: str = "cpu", threads: int | None = None, deterministic: bool = False
+        self,
+        name: str,
+        *,
+        device: str | Device = "cpu",
+        threads: int | None = None,
+        deterministic: bool = False,
     ) -> None:
         super().__init__("scene", None)
         self.name = self._own_name = self.check_name(name, "a scene")
-        if device != "cpu":
-            raise SceneError(f"device={device!r}: this version runs on the CPU only; leave device out")
+        if isinstance(device, str) and not _DEVICE_NAME.fullmatch(device):
+            raise SceneError(f'device={device!r}: it must be "cpu", "cuda", or "cuda:N" for the GPU number N')
         if threads is not None and (not isinstance(threads, int) or isinstance(threads, bool) or threads < 1):
             raise SceneError(f"threads={threads!r}: it must be a positive integer, or left out for one per processor")
+        if threads is not None and device != "cpu":
+            raise SceneError(f"threads={threads}: a GPU has its own; leave threads out")
+        self._device_name = device
+        self._device: Device | None = None
         self._threads = threads
         self._deterministic = deterministic
         self._energies: list[EnergyTerm] = []
@@ -253,7 +270,7 @@ class Scene(Entity):
         else:
             compiled = self._variant(self._targets)
             compiled.assemble()
-        return Hessian([compiled.static_matrix, compiled.dynamic_matrix])
+        return compiled.hessian()
 
     def mixed_hessian(
         self, targets: Attribute | Sequence[Attribute], parameters: Attribute | Sequence[Attribute]
@@ -286,7 +303,7 @@ class Scene(Entity):
         compiled = self._variant(everything)
         compiled.assemble()
         count = sum(attribute.node.array.size for attribute in rows if isinstance(attribute.node, Stored))
-        whole = Hessian([compiled.static_matrix, compiled.dynamic_matrix]).to_scipy()
+        whole = compiled.hessian().to_scipy()
         return sparse.csr_array(whole[:count, count:])
 
     def _variant(self, targets: Sequence[Attribute]) -> CompiledScene:
@@ -305,15 +322,36 @@ class Scene(Entity):
         """Each energy on every instance, by its path."""
         return self.compile(need_targets=False).energies()
 
-    def compile(self, *, need_targets: bool = True) -> CompiledScene:
+    @overload
+    def compile(self, *, need_targets: bool = True) -> CompiledScene: ...
+    @overload
+    def compile(self, *, device: str, arch: str) -> DeviceCompileReport: ...
+
+    def compile(
+        self, *, need_targets: bool = True, device: str | None = None, arch: str | None = None
+    ) -> CompiledScene | DeviceCompileReport:
         """Compiles the scene now (it happens by itself when needed) and returns the compiled scene.
 
-        Raises SceneError without energies (or, unless told otherwise, targets), CompilerNotFoundError.
+        device="cuda", arch="sm_90": compiles and links for GPUs of that architecture instead, wherever the scene runs,
+        and returns what came of it: one row for each module, with seconds, registers, bytes of stack and of spills.
+        That needs `pip install 'yasps[cuda]'` but no GPU.
+
+        Raises SceneError without energies (or, unless told otherwise, targets), CompilerNotFoundError,
+        CudaNotFoundError.
         """
+        if (device, arch) != (None, None) and (device != "cuda" or not re.fullmatch(r"sm_\d+[a-z]?", str(arch))):
+            raise SceneError(
+                f"compile(device={device!r}, arch={arch!r}): without them the scene is compiled for the device it was "
+                'made with; device="cuda", arch="sm_90" compiles for a GPU of that architecture, without running it'
+            )
         if not self._energies:
             raise SceneError(f"{self.label} has no energy yet: add_energy(attribute) first")
         if need_targets and not self._targets:
             raise SceneError(f"{self.label} has no minimisation target yet: add_minimize_target(attribute) first")
+        if arch is not None:
+            from yasps.frontend.device_report import compile_for_device
+
+            return compile_for_device(self.name, self._energies, self._targets, arch)
         if self._compiled is None or self._compiled.is_outgrown:
             self._compiled = self._compile_for(self._energies, self._targets, [], self._dump_folder())
         return self._compiled
@@ -326,16 +364,31 @@ class Scene(Entity):
         dump_to: Path | None,
         dump_locations: bool = False,
     ) -> CompiledScene:
-        compiled = CompiledScene(
-            self.name,
-            energies,
-            targets,
-            outputs,
-            runtime=self.runtime,
-            deterministic=self._deterministic,
-            dump_to=dump_to,
-            dump_locations=dump_locations,
-        )
+        compiled: CompiledScene
+        if self._device_name == "cpu":
+            compiled = CpuScene(
+                self.name,
+                energies,
+                targets,
+                outputs,
+                runtime=self.runtime,
+                deterministic=self._deterministic,
+                dump_to=dump_to,
+                dump_locations=dump_locations,
+            )
+        else:
+            from yasps.frontend.cuda_scene import CudaScene
+
+            compiled = CudaScene(
+                self.name,
+                energies,
+                targets,
+                outputs,
+                device=self.device,
+                deterministic=self._deterministic,
+                dump_to=dump_to,
+                dump_locations=dump_locations,
+            )
         self._alive.add(compiled)
         return compiled
 
@@ -345,8 +398,25 @@ class Scene(Entity):
         return self.compile().report
 
     @property
+    def device(self) -> Device:
+        """The GPU, with a stream of this scene's own; opened on first use.
+
+        Raises NoDeviceError without a GPU or its driver, CudaNotFoundError, SceneError for a scene on the CPU.
+        """
+        if self._device is None:
+            if self._device_name == "cpu":
+                raise SceneError(f"{self.label} runs on the CPU: make it with device='cuda' to have a GPU")
+            if isinstance(self._device_name, str):
+                from yasps.runtime.cuda_device import Gpu
+
+                self._device = Gpu(int(self._device_name.partition(":")[2] or 0))
+            else:
+                self._device = self._device_name
+        return self._device
+
+    @property
     def runtime(self) -> Runtime:
-        """The solver runtime; compiled and loaded on first use."""
+        """The CPU's solver runtime; compiled and loaded on first use."""
         if self._runtime is None:
             self._runtime = load_runtime(find_compiler(), self._threads)
         return self._runtime

@@ -13,6 +13,7 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from yasps.runtime.cuda_report import ModuleRow
 from yasps.runtime.toolchain import Source
 
 BLOCK = 128
@@ -41,11 +42,12 @@ class Kernel(Protocol):
 class LoadedProgram(Protocol):
     """Linked device code on its device."""
 
+    @property
+    def rows(self) -> Sequence[ModuleRow]:
+        """The compile log: one row for each module, and one for the link."""
+
     def kernel(self, name: str) -> Kernel:
         """The `extern "C" __global__` function of this name. Raises KeyError."""
-
-    def address_of(self, name: str) -> int:
-        """Address of an `extern "C" __device__` variable of this name. Raises KeyError."""
 
 
 class Graph(Protocol):
@@ -103,7 +105,7 @@ class Device(Protocol):
         """
 
     def exclusive_sum(self, source: int, address: int, count: int) -> None:
-        """Prefix sums of `count` int64 numbers, the first 0."""
+        """Prefix sums of `count` int64 numbers, the first 0; they may replace the numbers (`address` is `source`)."""
 
     def synchronize(self) -> None:
         """Waits until all is done. Raises DeviceError if something failed."""

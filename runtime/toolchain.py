@@ -1,26 +1,48 @@
-"""Compiles C++ text to shared libraries, in parallel, with a cache that all processes of a user share.
+"""Compiles C++ text to shared libraries, in parallel, with a cache that all processes of a user share (build_cache).
 
-Everything is keyed by content: the source text, the flags, the compiler's version and what `-march=native` means on
-this processor. A file in the cache is therefore never out of date and never changed, only replaced by an equal one.
-The folder is `YASPS_CACHE` where that is set, else the user's cache folder.
+Keys are made of the source text, the flags, the compiler's version and what `-march=native` means on this processor.
 """
 
 from __future__ import annotations
 
-import hashlib
 import os
-import re
 import shlex
 import shutil
 import subprocess
 import tempfile
 import time
-from collections.abc import Callable, Sequence
-from concurrent.futures import ThreadPoolExecutor
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 
-import platformdirs
+from yasps.runtime.build_cache import (
+    CacheFolderError,
+    cache_folder,
+    digest_of,
+    in_parallel,
+    is_filled,
+    kept_text,
+    safe_name,
+    write_text,
+    write_whole,
+)
+
+__all__ = [
+    "DEFAULT_FLAGS",
+    "CacheFolderError",
+    "CompilationError",
+    "CompiledObject",
+    "Compiler",
+    "CompilerNotFoundError",
+    "LinkedLibrary",
+    "Source",
+    "cache_folder",
+    "compile_sources",
+    "find_compiler",
+    "kept_text",
+    "link",
+]
 
 #: Flags of every compile. No -ffast-math: NaN and infinity must survive, and sums keep their order.
 DEFAULT_FLAGS = (
@@ -63,13 +85,13 @@ class CompilerNotFoundError(RuntimeError):
 
 
 class CompilationError(RuntimeError):
-    """The C++ compiler refused a source, or the linker a set of objects.
+    """The C++ or CUDA compiler refused a source, or the linker a set of objects.
 
     Attributes: `module` the name of the source, `source` the file where its text was kept (None for a link), and
     `output` everything the compiler said.
     """
 
-    def __init__(self, module: str, source: Path | None, output: str) -> None:
+    def __init__(self, module: str, source: Path | None, output: str, language: str = "C++") -> None:
         """Keep what failed; the message shows the first lines of `output`."""
         self.module = module
         self.source = source
@@ -78,11 +100,7 @@ class CompilationError(RuntimeError):
         shown = "\n  ".join(lines[:_MESSAGE_LINES]) or "(no message)"
         more = f"\n  ... and {len(lines) - _MESSAGE_LINES} more lines" if len(lines) > _MESSAGE_LINES else ""
         where = f" (its source is kept in {source})" if source is not None else ""
-        super().__init__(f"the C++ module '{module}' did not compile{where}:\n  {shown}{more}")
-
-
-class CacheFolderError(RuntimeError):
-    """The folder for compiled code cannot be written."""
+        super().__init__(f"the {language} module '{module}' did not compile{where}:\n  {shown}{more}")
 
 
 @dataclass(frozen=True)
@@ -138,25 +156,11 @@ class Compiler:
 
     def key(self) -> str:
         """A digest of all that decides what the compiler makes of a source."""
-        return _digest(*self.command, self.version, self.target, "flags", *self.flags)
+        return digest_of(*self.command, self.version, self.target, "flags", *self.flags)
 
     def with_flags(self, *flags: str) -> Compiler:
         """The same compiler with further flags."""
         return replace(self, flags=(*self.flags, *flags))
-
-
-def cache_folder() -> Path:
-    """The folder of compiled code: YASPS_CACHE, else the user's cache folder; made when it is not there.
-
-    Raises CacheFolderError when it cannot be made or written.
-    """
-    setting = os.environ.get("YASPS_CACHE")
-    folder = Path(setting).expanduser() if setting else Path(platformdirs.user_cache_dir("yasps"))
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise CacheFolderError(_cache_advice(folder, error)) from error
-    return folder
 
 
 def find_compiler(flags: Sequence[str] = DEFAULT_FLAGS) -> Compiler:
@@ -167,7 +171,7 @@ def find_compiler(flags: Sequence[str] = DEFAULT_FLAGS) -> Compiler:
     command, origin = _find_command()
     version = _output_of([*command, "--version"], origin).splitlines()
     macros = _output_of([*command, *flags, "-x", "c++", "-dM", "-E", os.devnull], origin)
-    compiler = Compiler(command, version[0] if version else "", _digest(macros), tuple(flags), False, False)
+    compiler = Compiler(command, version[0] if version else "", digest_of(macros), tuple(flags), False, False)
     return replace(
         compiler,
         has_vector_math=_probe(compiler, "vector-math", _VECTOR_MATH_PROBE, ("-lmvec", "-lm")),
@@ -183,16 +187,8 @@ def compile_sources(sources: Sequence[Source], compiler: Compiler, jobs: int | N
     """
     folder = cache_folder()
     compiler_key = compiler.key()
-    workers = max(1, min(jobs or os.cpu_count() or 1, len(sources)))
-
-    def compile_one(source: Source) -> CompiledObject:
-        return _compile(source, compiler, compiler_key, folder)
-
-    if workers == 1:
-        return [compile_one(source) for source in sources]
-    with ThreadPoolExecutor(workers) as pool:
-        futures = [pool.submit(compile_one, source) for source in sources]
-    return [future.result() for future in futures]
+    tasks = [partial(_compile, source, compiler, compiler_key, folder) for source in sources]
+    return in_parallel(tasks, jobs)
 
 
 def link(objects: Sequence[CompiledObject], compiler: Compiler, extra_flags: Sequence[str] = ()) -> LinkedLibrary:
@@ -202,11 +198,11 @@ def link(objects: Sequence[CompiledObject], compiler: Compiler, extra_flags: Seq
     fails, and CacheFolderError when the cache cannot be written.
     """
     folder = cache_folder()
-    name = _safe_name(objects[0].name if len(objects) == 1 else "library")
-    key = _digest(compiler.key(), "link", *extra_flags, "objects", *(item.key for item in objects))
+    name = safe_name(objects[0].name if len(objects) == 1 else "library")
+    key = digest_of(compiler.key(), "link", *extra_flags, "objects", *(item.key for item in objects))
     path = folder / f"{name}-{key[:32]}.so"
     start = time.perf_counter()
-    if _is_filled(path):
+    if is_filled(path):
         return LinkedLibrary(path, time.perf_counter() - start, cached=True)
 
     def build(target: Path) -> None:
@@ -216,32 +212,19 @@ def link(objects: Sequence[CompiledObject], compiler: Compiler, extra_flags: Seq
         if failure is not None:
             raise CompilationError(", ".join(item.name for item in objects), None, failure)
 
-    _write_whole(path, build)
+    write_whole(path, build)
     return LinkedLibrary(path, time.perf_counter() - start, cached=False)
 
 
-def kept_text(name: str, parts: Sequence[str], make: Callable[[], str]) -> str:
-    """A text that follows from `parts` alone: from the cache, else made and kept there.
-
-    Raises CacheFolderError when the cache cannot be written.
-    """
-    path = cache_folder() / f"{_safe_name(name)}-{_digest(*parts)[:32]}.json"
-    if _is_filled(path):
-        return path.read_text(encoding="utf-8")
-    text = make()
-    _write_whole(path, lambda target: target.write_text(text, encoding="utf-8"))
-    return text
-
-
 def _compile(source: Source, compiler: Compiler, compiler_key: str, folder: Path) -> CompiledObject:
-    key = _digest(compiler_key, "source", source.text)
-    stem = f"{_safe_name(source.name)}-{key[:32]}"
+    key = digest_of(compiler_key, "source", source.text)
+    stem = f"{safe_name(source.name)}-{key[:32]}"
     path = folder / f"{stem}.o"
     start = time.perf_counter()
-    if _is_filled(path):
+    if is_filled(path):
         return CompiledObject(source.name, path, time.perf_counter() - start, cached=True, key=key)
     text_path = folder / f"{stem}.cpp"
-    _write_whole(text_path, lambda target: target.write_text(source.text, encoding="utf-8"))
+    write_text(text_path, source.text)
 
     def build(target: Path) -> None:
         command = [*compiler.command, *compiler.flags, "-c", str(text_path), "-o", str(target)]
@@ -249,7 +232,7 @@ def _compile(source: Source, compiler: Compiler, compiler_key: str, folder: Path
         if failure is not None:
             raise CompilationError(source.name, text_path, failure)
 
-    _write_whole(path, build)
+    write_whole(path, build)
     return CompiledObject(source.name, path, time.perf_counter() - start, cached=False, key=key)
 
 
@@ -307,9 +290,9 @@ def _failure_of(command: Sequence[str]) -> str | None:
 def _probe(compiler: Compiler, name: str, program: str, flags: tuple[str, ...]) -> bool:
     """Whether the program compiles with the extra flags and ends with 0. The answer is kept in the cache."""
     folder = cache_folder()
-    key = _digest(compiler.key(), program, *flags)
+    key = digest_of(compiler.key(), program, *flags)
     answer_path = folder / f"probe-{name}-{key[:32]}.txt"
-    if _is_filled(answer_path):
+    if is_filled(answer_path):
         return answer_path.read_text(encoding="utf-8").strip() == "yes"
     with tempfile.TemporaryDirectory(prefix="yasps-probe-") as scratch:
         source = Path(scratch) / "probe.cpp"
@@ -317,49 +300,5 @@ def _probe(compiler: Compiler, name: str, program: str, flags: tuple[str, ...]) 
         source.write_text(program, encoding="utf-8")
         command = [*compiler.command, *compiler.flags, str(source), "-o", str(binary), *flags]
         works = _failure_of(command) is None and _failure_of([str(binary)]) is None
-    _write_whole(answer_path, lambda target: target.write_text("yes\n" if works else "no\n", encoding="utf-8"))
+    write_text(answer_path, "yes\n" if works else "no\n")
     return works
-
-
-def _write_whole(path: Path, write: Callable[[Path], object]) -> None:
-    """Let `write` fill a temporary file and put it in place in one step, so that nobody sees half a file."""
-    try:
-        handle, temporary_name = tempfile.mkstemp(prefix=f".{path.stem[:40]}-", suffix=path.suffix, dir=path.parent)
-    except OSError as error:
-        raise CacheFolderError(_cache_advice(path.parent, error)) from error
-    os.close(handle)
-    temporary = Path(temporary_name)
-    try:
-        write(temporary)
-        os.replace(temporary, path)
-    finally:
-        temporary.unlink(missing_ok=True)
-
-
-def _cache_advice(folder: Path, error: OSError) -> str:
-    return (
-        f"yasps keeps compiled code in {folder}, which cannot be written: {error}. "
-        "Set the environment variable YASPS_CACHE to a folder that can."
-    )
-
-
-def _is_filled(path: Path) -> bool:
-    """Whether the file is there with content; a crash of the machine can leave an empty one."""
-    try:
-        return path.stat().st_size > 0
-    except FileNotFoundError:
-        return False
-
-
-def _safe_name(name: str) -> str:
-    return re.sub(r"[^A-Za-z0-9_.-]+", "_", name)[:60] or "module"
-
-
-def _digest(*parts: str) -> str:
-    """SHA-256 of the parts; lengths are part of it, so that no two lists of parts agree by accident."""
-    digest = hashlib.sha256()
-    for part in parts:
-        data = part.encode("utf-8")
-        digest.update(f"{len(data)}:".encode())
-        digest.update(data)
-    return digest.hexdigest()

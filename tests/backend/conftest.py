@@ -9,12 +9,12 @@ from mat_bodies import relative_error
 
 from yasps import Scene
 from yasps.backend.interpreter import Interpreter
-from yasps.frontend.compiled_scene import CompiledScene
+from yasps.frontend.cpu_scene import CpuScene
 
 TOLERANCE = 1e-12
 
 
-def check(scene: Scene) -> CompiledScene:
+def check(scene: Scene) -> CpuScene:
     """Values, gradient and projected Hessian of the machine code are the interpreter's, on the scene's numbers now."""
     compiled = scene.compile()
     interpreter = Interpreter(compiled.module, compiled.data())
@@ -32,6 +32,6 @@ def check(scene: Scene) -> CompiledScene:
 
 
 @pytest.fixture(scope="session")
-def agrees_with_interpreter() -> Callable[[Scene], CompiledScene]:
+def agrees_with_interpreter() -> Callable[[Scene], CpuScene]:
     """`check`: compiles a scene (again where it changed) and compares it with the reference."""
     return check

@@ -10,11 +10,11 @@ import pytest
 from small_scenes import SCENES
 
 from yasps import Scene
-from yasps.frontend.compiled_scene import CompiledScene
+from yasps.frontend.cpu_scene import CpuScene
 from yasps.runtime.library import load_runtime
 from yasps.runtime.toolchain import DEFAULT_FLAGS, find_compiler
 
-Check = Callable[[Scene], CompiledScene]
+Check = Callable[[Scene], CpuScene]
 
 
 @pytest.mark.skipif(platform.machine() != "x86_64", reason="registers of other widths are an x86 matter")

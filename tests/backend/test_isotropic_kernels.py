@@ -12,11 +12,11 @@ from mat_bodies import relative_error
 
 from yasps import Attribute, Scene, identity
 from yasps.frontend import compiled_scene, materials
-from yasps.frontend.compiled_scene import CompiledScene
+from yasps.frontend.cpu_scene import CpuScene
 from yasps.frontend.errors import NotFiniteError
 from yasps.passes.pipeline import run_pipeline
 
-Check = Callable[[Scene], CompiledScene]
+Check = Callable[[Scene], CpuScene]
 Energy = Callable[[Attribute], Attribute]
 CALL = "sink->project_isotropic("
 

@@ -11,11 +11,11 @@ from mat_bodies import relative_error
 from small_scenes import SCENES, mixed_union, soft_tets
 
 from yasps import Attribute, Scene, concat_rows
-from yasps.frontend.compiled_scene import CompiledScene
+from yasps.frontend.cpu_scene import CpuScene
 from yasps.runtime.library import load_runtime
 from yasps.runtime.toolchain import find_compiler
 
-Check = Callable[[Scene], CompiledScene]
+Check = Callable[[Scene], CpuScene]
 COUNTS = (0, 1, 7, 8, 9, 17)
 """Around the 8 instances of a pack."""
 

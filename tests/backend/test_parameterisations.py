@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from yasps import Attribute, ConnectivityError, Scene, SceneError, concat_rows
 from yasps.backend.interpreter import Interpreter
 from yasps.backend.scene_view import SceneView
-from yasps.frontend.compiled_scene import CompiledScene
+from yasps.frontend.cpu_scene import CpuScene
 
 TOLERANCE = 1e-12
 STEP = 1e-30
@@ -88,11 +88,11 @@ def ring_scene(operation: str, nonlinear: bool, projection: str) -> Scene:
     return scene
 
 
-def hessian_of(compiled: CompiledScene) -> NDArray[np.float64]:
+def hessian_of(compiled: CpuScene) -> NDArray[np.float64]:
     return (compiled.static_matrix.to_scipy() + compiled.dynamic_matrix.to_scipy()).toarray()
 
 
-def by_complex_step(compiled: CompiledScene) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def by_complex_step(compiled: CpuScene) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Gradient and Hessian, one unknown at a time."""
     data = compiled.data()
     names = [compiled.emitter.symbol_of(target) for target in compiled.targets]

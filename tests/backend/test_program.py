@@ -11,11 +11,11 @@ from small_scenes import mixed_union, shared_targets, soft_tets, stable_neo_hook
 from yasps import NotFiniteError, Scene
 from yasps.backend.cpp_object import CppEmitter
 from yasps.backend.scene_view import SceneView
-from yasps.frontend.compiled_scene import CompiledScene
+from yasps.frontend.cpu_scene import CpuScene
 from yasps.runtime.toolchain import CompilerNotFoundError
 
 
-def _text_of(compiled: CompiledScene, name: str) -> str:
+def _text_of(compiled: CpuScene, name: str) -> str:
     return compiled.program.codes[name].text
 
 

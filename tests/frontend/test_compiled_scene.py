@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from yasps import NotFiniteError, Scene
 from yasps.backend.interpreter import Interpreter
-from yasps.frontend.compiled_scene import CompiledScene
+from yasps.frontend.cpu_scene import CpuScene
 
 Floats = NDArray[np.float64]
 
@@ -36,7 +36,7 @@ def build(name: str, seed: int) -> Scene:
     return s
 
 
-def system(compiled: CompiledScene, *, project: bool) -> tuple[Floats, Floats]:
+def system(compiled: CpuScene, *, project: bool) -> tuple[Floats, Floats]:
     """Gradient and Hessian, dense."""
     gradient = compiled.assemble(project=project)
     return gradient, (compiled.static_matrix.to_scipy() + compiled.dynamic_matrix.to_scipy()).toarray()

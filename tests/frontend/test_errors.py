@@ -491,7 +491,8 @@ TABLE: dict[str, Refused] = {
     "half an iteration": Refused(lambda w: w.scene.solve(1e-3, 1.5), DataError, ("max_iterations", "1.5")),  # type: ignore[arg-type]
     "negative iterations": Refused(lambda w: w.scene.solve(1e-3, -1), DataError, ("max_iterations", "-1")),
     # scenes
-    "a GPU": Refused(lambda w: Scene("s", device="cuda"), SceneError, ("'cuda'", "CPU")),
+    "an unknown device": Refused(lambda w: Scene("s", device="gpu"), SceneError, ("'gpu'", "cpu", "cuda:N")),
+    "threads of a GPU": Refused(lambda w: Scene("s", device="cuda", threads=2), SceneError, ("threads=2", "GPU")),
     "no threads": Refused(lambda w: Scene("s", threads=0), SceneError, ("threads=0",)),
     "threads as text": Refused(lambda w: Scene("s", threads="2"), SceneError, ("threads='2'",)),  # type: ignore[arg-type]
 }

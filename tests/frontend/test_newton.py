@@ -151,22 +151,6 @@ def test_free_step_agrees_with_the_geometry_and_serves_all_positions_on_the_way(
             )
 
 
-def test_moving_freely_is_a_matter_of_each_vertex() -> None:
-    """Far vertices may move by more than near ones, by less than half of the gap each."""
-    _, contact, position, _ = falling_box()
-    geometry, moving = contact.geometry, len(position.value) // 3
-    start = contact.positions()
-    lowest = start[:moving, 2].min()  # 1.5e-3 above the ground, less than the activation distance
-    near = np.flatnonzero(start[:moving, 2] < lowest + 1e-9)
-    far = np.flatnonzero(start[:moving, 2] > lowest + 0.09)
-    candidates = geometry.candidates(start, margin=2e-3)
-    for vertices, length, free in ((near, 0.44, True), (near, 0.46, False), (far, 0.59, True)):
-        end = start.copy()
-        end[vertices, 2] -= length * lowest
-        assert geometry.moves_freely(start, end, candidates) is free
-    assert lowest == pytest.approx(1.5e-3)
-
-
 def test_contacts_at_the_same_positions_change_nothing_in_the_scene() -> None:
     scene, contact, position, _ = falling_box()
     moving = len(position.value) // 3

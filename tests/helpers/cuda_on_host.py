@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from yasps.runtime.cuda_report import ModuleRow
 from yasps.runtime.cuda_sources import with_includes
 from yasps.runtime.device import BLOCK, DeviceMemoryError
 from yasps.runtime.toolchain import Source, compile_sources, find_compiler, link
@@ -48,19 +49,13 @@ class HostKernel:
 
 
 class HostProgram:
-    def __init__(self, library: ctypes.CDLL) -> None:
-        self._library = library
+    def __init__(self, library: ctypes.CDLL, rows: Sequence[ModuleRow] = ()) -> None:
+        self._library, self.rows = library, rows
 
     def kernel(self, name: str) -> HostKernel:
         try:
             return HostKernel(name, getattr(self._library, f"{name}_launch"))
         except AttributeError as error:
-            raise KeyError(name) from error
-
-    def address_of(self, name: str) -> int:
-        try:
-            return ctypes.addressof(ctypes.c_char.in_dll(self._library, name))
-        except ValueError as error:
             raise KeyError(name) from error
 
 

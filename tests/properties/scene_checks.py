@@ -13,7 +13,7 @@ from xdsl.dialects.builtin import ModuleOp
 from yasps import Scene
 from yasps.backend.interpreter import Interpreter, SceneData
 from yasps.dialects.rel import name_of
-from yasps.frontend.compiled_scene import CompiledScene
+from yasps.frontend.cpu_scene import CpuScene
 from yasps.passes.pipeline import run_pipeline
 from yasps.runtime.library import Runtime
 
@@ -145,7 +145,7 @@ def check_indices(interpreter: Interpreter) -> None:
             assert reached <= covered, f"{derivative.symbol}, instance {instance}: kappa lacks {reached - covered}"
 
 
-def check_kernels(scene: Scene, runtime: Runtime) -> CompiledScene:
+def check_kernels(scene: Scene, runtime: Runtime) -> CpuScene:
     """Machine code against the interpreter, and against complex steps where nothing is projected."""
     scene._runtime = runtime
     compiled = scene.compile()

@@ -1,0 +1,64 @@
+"""What compiling a scene for a GPU takes, where there need not be one."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from yasps.backend.cuda_object import CudaEmitter
+from yasps.backend.cuda_program import modules_of
+from yasps.frontend.attribute import Attribute
+from yasps.frontend.emit import EnergyTerm
+from yasps.frontend.scene_source import SceneSource
+from yasps.runtime.cuda_device import cub_source
+from yasps.runtime.cuda_report import ModuleRow
+from yasps.runtime.cuda_sources import runtime_sources
+from yasps.runtime.cuda_toolchain import build_program, find_cuda
+
+CUDA_KEY = ("cuda",)
+"""What device code depends on apart from the scene."""
+
+
+@dataclass(frozen=True)
+class DeviceCompileReport:
+    """Compiled and linked, not run.
+
+    rows: one for each module and the runtime's files, and the last for the link, whose functions are the kernels with
+    all they call. symbolic_seconds: from the frontend's description to text; native_seconds: from text to a program.
+    """
+
+    architecture: str
+    rows: tuple[ModuleRow, ...]
+    symbolic_seconds: float
+    native_seconds: float
+
+    @property
+    def compiled(self) -> int:
+        """Files and links that were made, not found in the cache."""
+        return sum(not row.cached for row in self.rows)
+
+    def __str__(self) -> str:
+        width = max(len(row.name) for row in self.rows)
+        head = f"{'module':{width}}  seconds          registers  stack B  spill B  lines"
+        lines = [
+            f"{row.name:{width}}  {row.seconds:7.2f} {'cached' if row.cached else '':8} {row.registers:9}  "
+            f"{row.stack_bytes:7}  {row.spill_bytes:7}  {row.lines:5}"
+            for row in self.rows
+        ]
+        return "\n".join([f"{self.architecture}: compiled, not run", head, *lines])
+
+
+def compile_for_device(
+    scene_name: str, energies: Sequence[EnergyTerm], targets: Sequence[Attribute], architecture: str
+) -> DeviceCompileReport:
+    """Compiles and links all device code of a scene; needs the CUDA toolkit but no GPU.
+
+    Raises CudaNotFoundError, CompilationError, UnsupportedSceneError.
+    """
+    toolchain = find_cuda(architecture)
+    start = time.perf_counter()
+    source = SceneSource(scene_name, energies, targets, [], emitter_of=CudaEmitter, key=CUDA_KEY)
+    symbolic = time.perf_counter()
+    program = build_program(toolchain, modules_of(source.code), runtime_sources(), [cub_source()])
+    return DeviceCompileReport(architecture, program.rows, symbolic - start, time.perf_counter() - symbolic)

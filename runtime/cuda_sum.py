@@ -1,0 +1,43 @@
+"""Sums of arrays on a device, always in the same order of additions."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from yasps.runtime.device import Device, DeviceArray, LoadedProgram
+
+_THREADS = 128  # as kThreads in solver.cuh
+_MOST_BLOCKS = 2048
+
+
+class DeviceSum:
+    """Sums several arrays; the results come to the host together."""
+
+    def __init__(self, device: Device, program: LoadedProgram) -> None:
+        """`program` holds the kernels of sum.cu."""
+        self._device, self._program = device, program
+        self._partial = DeviceArray(device, np.float64, "partial sums").resize(_MOST_BLOCKS)
+        self._results = DeviceArray(device, np.float64, "sums")
+        self._count = 0
+
+    def begin(self, most: int) -> None:
+        """Forgets earlier results and makes room for so many."""
+        self._results.resize(most).clear()
+        self._count = 0
+
+    def add(self, values: DeviceArray) -> None:
+        """Sums this array, float64; it may change afterwards."""
+        blocks = min(-(-values.size // _THREADS), _MOST_BLOCKS)
+        result = self._results.address + 8 * self._count
+        self._count += 1
+        if blocks == 0:
+            return
+        partial = self._partial.address
+        parts, finish = self._program.kernel("yasps_sum_parts"), self._program.kernel("yasps_sum_finish")
+        self._device.launch(parts, blocks * _THREADS, [values.address, values.size, partial], block=_THREADS)
+        self._device.launch(finish, _THREADS, [partial, blocks, result], block=_THREADS)
+
+    def results(self) -> NDArray[np.float64]:
+        """The sums since `begin`, in order; waits."""
+        return self._results.download()[: self._count]
