@@ -9,6 +9,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from yasps.frontend.errors import ConnectivityError
 from yasps.frontend.spelling import both_spellings
+from yasps.runtime.device_indices import DeviceIndices, ForeignArrayError, device_indices, is_on_device
 
 if TYPE_CHECKING:
     from yasps.frontend.primitive import PrimitiveBase
@@ -40,7 +41,12 @@ class Connectivity:
         self.needs_neighbours = False
         """Is some mean taken through it? Then no instance may be connected to nothing."""
         self.arity = arity if arity is not None else 1
-        self._indices = self._checked(indices) if counts is None else self._checked_variable(indices, counts)
+        self._fits: tuple[IntArray, int] | None = None  # indices and the number of target instances they fit
+        self._indices: IntArray | DeviceIndices
+        if counts is not None:
+            self._indices = self._checked_variable(indices, counts)
+        else:
+            self._indices = self._checked_on_device(indices) if is_on_device(indices) else self._checked(indices)
         if self.is_variable:
             self.arity = self._indices.shape[1]
 
@@ -53,15 +59,21 @@ class Connectivity:
     def indices(self) -> IntArray:
         """Indices [instances of source, arity]; read-only, see `update_value`.
 
-        Of a variable arity, rows are as long as the longest and -1 fills them up.
+        Of a variable arity, rows are as long as the longest and -1 fills them up. Those that were given as an array on
+        a device are copied from there.
         """
+        if isinstance(self._indices, DeviceIndices):
+            copied = np.empty(self._indices.shape, np.int32)
+            if copied.size:
+                self.source.scene.device.download(self._indices.address, copied)
+            return copied
         view = self._indices.view()
         view.flags.writeable = False
         return view
 
     @property
-    def stored_indices(self) -> IntArray:
-        """The same, and the same object until they are replaced."""
+    def stored_indices(self) -> IntArray | DeviceIndices:
+        """The same, where they are, and the same object until they are replaced."""
         return self._indices
 
     def __repr__(self) -> str:
@@ -71,13 +83,19 @@ class Connectivity:
         """Replaces the indices (of a variable arity, with the counts); on a dynamic primitive the number of instances
         follows.
 
+        In a scene on a GPU, indices of a fixed arity may be an int32 array there (`__cuda_array_interface__` or DLPack:
+        CuPy, PyTorch, JAX, Warp). It is not copied, so leave it as it is and give a new one for new indices; its range
+        is checked on the device, before the next result.
+
         Raises ConnectivityError for a wrong count, type or range; nothing is changed then.
         """
         self._replace(self.checked_parts(indices if counts is None else (indices, counts)))
 
-    def checked_parts(self, value: Any) -> IntArray:
+    def checked_parts(self, value: Any) -> IntArray | DeviceIndices:
         """Rows of indices from what a user gives: indices, or (indices, counts) of a variable arity."""
         if not self.is_variable:
+            if is_on_device(value):
+                return self._checked_on_device(value)
             if isinstance(value, tuple) and len(value) == 2 and np.ndim(value[0]) > 0 and np.ndim(value[1]) > 0:
                 raise ConnectivityError(f"{self.path} has the fixed arity {self.arity} and takes no counts")
             return self._checked(value)
@@ -85,14 +103,41 @@ class Connectivity:
             raise ConnectivityError(f"{self.path} has a variable arity: give (indices, counts)")
         return self._checked_variable(*value)
 
-    def _replace(self, checked: IntArray) -> None:
+    def _replace(self, checked: IntArray | DeviceIndices) -> None:
         if self.is_variable:
+            assert isinstance(checked, np.ndarray)
             self.arity = max(self.arity, checked.shape[1])  # rows never get shorter: compiled code knows their length
             checked = _filled_up(checked, self.arity)
         self._indices = checked
         if self.source.follows_data:
             self.source.set_num_instances(len(checked))
         self.source.scene.connectivity_changed(self)
+
+    def _checked_on_device(self, value: object) -> DeviceIndices:
+        """Indices of an array on a device, but for their range."""
+        if not self.source.scene.is_on_device:
+            raise ConnectivityError(
+                f"{self.path} got an array on a GPU, but {self.source.scene.label} runs on the CPU: give a NumPy "
+                "array, or make the scene with device='cuda'"
+            )
+        try:
+            array = device_indices(value)
+        except ForeignArrayError as error:
+            raise ConnectivityError(f"{self.path}: {error}") from error
+        if len(array.shape) not in (1, 2) or (len(array.shape) == 2 and array.shape[1] != self.arity):
+            raise ConnectivityError(f"{self.path} has arity {self.arity}, but got an array of shape {array.shape}")
+        if array.size % self.arity:
+            raise ConnectivityError(f"{self.path} has arity {self.arity}; {array.size} indices don't fill whole rows")
+        rows = array.in_rows_of(self.arity)
+        self._check_count(len(rows))
+        return rows
+
+    def _check_count(self, rows: int) -> None:
+        if not self.source.follows_data and rows != self.source.num_instances:
+            raise ConnectivityError(
+                f"{self.path} needs {self.source.num_instances} x {self.arity} indices, one row for each instance of "
+                f"{self.source.path}, got {rows} rows"
+            )
 
     def _checked(self, indices: ArrayLike) -> IntArray:
         try:
@@ -117,11 +162,7 @@ class Connectivity:
                 f"{self.path} has arity {self.arity}; {array.size} indices of shape {array.shape} don't fill whole rows"
             )
         rows = array.reshape(-1, self.arity)
-        if not self.source.follows_data and len(rows) != self.source.num_instances:
-            raise ConnectivityError(
-                f"{self.path} needs {self.source.num_instances} x {self.arity} indices, one row for each instance of "
-                f"{self.source.path}, got {len(rows)} rows"
-            )
+        self._check_count(len(rows))
         self._check_range(rows, "")
         return np.ascontiguousarray(rows, dtype=np.int32).copy()
 
@@ -176,13 +217,17 @@ class Connectivity:
                 f"{self.source.label} has {self.source.num_instances} instances, but {self.path} has rows for "
                 f"{len(self._indices)}; set all parts together with update(...)"
             )
-        self._check_range(self._indices, ": it has shrunk since they were set; give the connectivity new ones")
+        if isinstance(self._indices, DeviceIndices):
+            return  # looked at on the device
+        if self._fits is None or self._fits[0] is not self._indices or self._fits[1] != self.target.num_instances:
+            self._check_range(self._indices, ": it has shrunk since they were set; give the connectivity new ones")
+            self._fits = self._indices, self.target.num_instances
 
     def _check_range(self, rows: NDArray[Any], advice: str) -> None:
         count = self.target.num_instances
         lowest = -1 if self.is_variable else 0
-        wrong = np.argwhere((rows < lowest) | (rows >= count))
-        if len(wrong):
+        if rows.size and (rows.min() < lowest or rows.max() >= count):
+            wrong = np.argwhere((rows < lowest) | (rows >= count))
             row, slot = wrong[0]
             valid = f"valid are 0..{count - 1}" if count else "so none is valid"
             raise ConnectivityError(

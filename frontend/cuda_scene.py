@@ -24,12 +24,13 @@ from yasps.frontend.attribute import Attribute, FloatArray, Stored
 from yasps.frontend.compiled_scene import CompiledScene, Term
 from yasps.frontend.device_report import CUDA_KEY
 from yasps.frontend.emit import EnergyTerm
-from yasps.frontend.errors import DataError
+from yasps.frontend.errors import ConnectivityError, DataError
 from yasps.runtime.block_matrix import BlockGroup
 from yasps.runtime.cuda_block_matrix import BuildScratch, CudaBlockMatrix, CudaGradient
 from yasps.runtime.cuda_solver import CudaSolver
 from yasps.runtime.cuda_sum import DeviceSum
 from yasps.runtime.device import Device, DeviceArray
+from yasps.runtime.device_indices import DeviceIndices
 from yasps.runtime.library import Projection
 from yasps.runtime.solver import SolveReport
 
@@ -106,19 +107,54 @@ class CudaScene(CompiledScene):
     # -- the scene's arrays --------------------------------------------------------------------------------
 
     def _point(self) -> None:
+        self._check_indices_on_device()
         self.program.bind(self._address_of)
 
+    def _check_indices_on_device(self) -> None:
+        """Raises ConnectivityError for indices that somebody else wrote to the device and that are out of range."""
+        foreign = [
+            (connectivity, connectivity.stored_indices)
+            for connectivity in self.emitter.connected.values()
+            if isinstance(connectivity.stored_indices, DeviceIndices)
+        ]
+        self._outcomes.upload(np.full(len(foreign), NONE_BAD, np.uint64))
+        kernel = self.program.loaded.kernel("yasps_check_indices")
+        for k, (connectivity, indices) in enumerate(foreign):
+            assert isinstance(indices, DeviceIndices)
+            if indices.stream is not None:
+                self.device.wait_for(indices.stream)
+            most = connectivity.target.num_instances
+            self.device.launch(
+                kernel, indices.size, [indices.address, indices.size, most, self._outcomes.address + 8 * k]
+            )
+        if not foreign:
+            return
+        for (connectivity, _), place in zip(foreign, self._outcomes.download(), strict=True):
+            if place != NONE_BAD:
+                row, slot = divmod(int(place), connectivity.arity)
+                raise ConnectivityError(
+                    f"{connectivity.path}: index {connectivity.indices[row, slot]} of instance {row} (slot {slot}) is "
+                    f"out of range; {connectivity.target.label} has {connectivity.target.num_instances} instances"
+                )
+
     def _address_of(self, binding: Binding) -> int:
+        source, _ = self._source_of(binding)
+        if isinstance(source, DeviceIndices):
+            self._mirrors.pop(binding, None)
+            return source.address
         if binding not in self._mirrors:
-            source, _ = self._host_array(binding)
             array = DeviceArray(self.device, source.dtype, f"{binding.kind} {binding.name}")
             self._mirrors[binding] = _Mirror(array)
-        mirror = self._mirrors[binding]
-        mirror.refresh(*self._host_array(binding))
-        return mirror.array.address
+        self._refresh(binding)
+        return self._mirrors[binding].array.address
 
-    def _host_array(self, binding: Binding) -> tuple[NDArray[Any], int]:
-        """The host array that a kernel reads, and how often it was changed in place."""
+    def _refresh(self, binding: Binding) -> None:
+        source, version = self._source_of(binding)
+        assert isinstance(source, np.ndarray)
+        self._mirrors[binding].refresh(source, version)
+
+    def _source_of(self, binding: Binding) -> tuple[NDArray[Any] | DeviceIndices, int]:
+        """The array that a kernel reads, and how often it was changed in place."""
         if binding.kind == "storage":
             node = self.emitter.stored[binding.name].node
             assert isinstance(node, Stored)
@@ -132,8 +168,8 @@ class CudaScene(CompiledScene):
     def _upload(self) -> None:
         """Copies what changed since the last time. Arrays that moved have been bound anew."""
         self.bind()
-        for binding, mirror in self._mirrors.items():
-            mirror.refresh(*self._host_array(binding))
+        for binding in self._mirrors:
+            self._refresh(binding)
 
     # -- work ----------------------------------------------------------------------------------------------
 

@@ -7,6 +7,8 @@ from pathlib import Path
 from typing import Final
 
 from yasps.runtime import toolchain
+from yasps.runtime.cuda_driver import NoDeviceError, find_device
+from yasps.runtime.cuda_nvcc import CudaNotFoundError
 
 PACKAGES: Final = ("numpy", "scipy", "xdsl", "ipctk", "meshio", "h5py", "pyvista")
 
@@ -26,7 +28,7 @@ def environment_report() -> dict[str, str]:
         "cache folder": _cache_folder(),
     }
     report |= {name: package_version(name) for name in PACKAGES}
-    report["CUDA"] = "no CUDA backend in this version"
+    report["GPU"] = _gpu()
     return report
 
 
@@ -56,6 +58,14 @@ def _usable_cores() -> int:
     if hasattr(os, "sched_getaffinity"):
         return len(os.sched_getaffinity(0))
     return os.cpu_count() or 1
+
+
+def _gpu() -> str:
+    try:
+        device = find_device()
+    except (NoDeviceError, CudaNotFoundError) as error:
+        return str(error)
+    return f"{device.name}, {device.arch}, driver for CUDA {device.driver[0]}.{device.driver[1]}"
 
 
 def _compiler() -> str:

@@ -365,7 +365,7 @@ class Scene(Entity):
         dump_locations: bool = False,
     ) -> CompiledScene:
         compiled: CompiledScene
-        if self._device_name == "cpu":
+        if not self.is_on_device:
             compiled = CpuScene(
                 self.name,
                 energies,
@@ -398,13 +398,18 @@ class Scene(Entity):
         return self.compile().report
 
     @property
+    def is_on_device(self) -> bool:
+        """Does the scene run on a GPU?"""
+        return self._device_name != "cpu"
+
+    @property
     def device(self) -> Device:
         """The GPU, with a stream of this scene's own; opened on first use.
 
         Raises NoDeviceError without a GPU or its driver, CudaNotFoundError, SceneError for a scene on the CPU.
         """
         if self._device is None:
-            if self._device_name == "cpu":
+            if not self.is_on_device:
                 raise SceneError(f"{self.label} runs on the CPU: make it with device='cuda' to have a GPU")
             if isinstance(self._device_name, str):
                 from yasps.runtime.cuda_device import Gpu
@@ -458,10 +463,10 @@ class Scene(Entity):
         self._compiled = None
         self._variants.clear()
 
-    def arrays_moved(self) -> None:
-        """Some array was replaced by another."""
+    def arrays_moved(self, owner: Entity) -> None:
+        """Some array of the owner was replaced by another."""
         for compiled in self._alive:
-            compiled.arrays_moved()
+            compiled.arrays_moved(owner)
 
     def connectivity_changed(self, connectivity: Connectivity) -> None:
         """Indices changed: derivatives go elsewhere."""

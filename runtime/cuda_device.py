@@ -221,6 +221,13 @@ class Gpu:
                 raise DeviceError(f"the GPU {self.name} failed in {function}: CUDA error {status}")
             self._scratch.resize(max(size.value, 1))
 
+    def wait_for(self, stream: int) -> None:
+        """By an event; the host does not wait."""
+        event = self.call("cuEventCreate", self._driver.CUevent_flags.CU_EVENT_DISABLE_TIMING.value)
+        self.call("cuEventRecord", event, self._driver.CUstream(stream))
+        self.call("cuStreamWaitEvent", self.stream, event, 0)
+        self.call("cuEventDestroy", event)
+
     def synchronize(self) -> None:
         """Waits for the stream."""
         self.call("cuStreamSynchronize", self.stream)

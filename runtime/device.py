@@ -107,6 +107,9 @@ class Device(Protocol):
     def exclusive_sum(self, source: int, address: int, count: int) -> None:
         """Prefix sums of `count` int64 numbers, the first 0; they may replace the numbers (`address` is `source`)."""
 
+    def wait_for(self, stream: int) -> None:
+        """Lets what is asked for from now on wait for the work now on another stream (1: the default one)."""
+
     def synchronize(self) -> None:
         """Waits until all is done. Raises DeviceError if something failed."""
 

@@ -22,6 +22,7 @@ from yasps.passes.pipeline import PIPELINE, make_context
 ROOT = Path(__file__).parents[1]
 ARCHITECTURE = ROOT / "docs" / "architecture.md"
 LANGUAGE = ROOT / "docs" / "language.md"
+GPU = ROOT / "docs" / "gpu.md"
 STEPPING = ROOT / "docs" / "contact-and-stepping.md"
 README = ROOT / "README.md"
 ADVICE = "if that is meant, run `python docs/update_excerpts.py` and look at `git diff`"
@@ -270,6 +271,15 @@ def test_the_inverse_problem_is_solved() -> None:
 
 
 @pytest.mark.slow
+def test_the_report_of_kernels_runs(capsys: pytest.CaptureFixture[str]) -> None:
+    pytest.importorskip("cuda.bindings", reason="pip install 'yasps[cuda]'")
+    (code,) = blocks(GPU, "python")
+    run(code, "gpu")
+    lines = capsys.readouterr().out.splitlines()
+    assert lines[0].startswith("m.points.energy ")
+    assert lines[-1].startswith("link ")
+
+
 def test_the_stepper_runs() -> None:
     """It checks for intersections itself; and the cube has landed on the ground without sinking in."""
     (code,) = blocks(STEPPING, "python")

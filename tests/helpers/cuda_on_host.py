@@ -23,8 +23,10 @@ from yasps.runtime.toolchain import Source, compile_sources, find_compiler, link
 HEADER = Path(__file__).resolve().with_name("cuda_on_host.h")
 FLAGS = ("-O1", "-std=c++17", "-fPIC", "-Wall", "-Wextra", "-Wno-unused-function", "-Wno-unused-variable")
 _KERNEL = re.compile(
-    r'extern "C" __global__ (?:void (?:__launch_bounds__\(\w+\) )?|__launch_bounds__\(\w+\) void )(\w+)\(([^)]*)\)\s*\{'
+    r'extern "C" __global__ (?:void (?:__launch_bounds__\([\w, ]+\)\s)?\s*|__launch_bounds__\([\w, ]+\) void )(\w+)\(([^)]*)\)\s*\{'
 )
+_WAITS = re.compile(r"__sync|_sync\(")
+"""Where threads wait for others of their warp or block."""
 MOST_BYTES = 1 << 33
 """Where this device says that its memory is used up."""
 
@@ -108,8 +110,7 @@ class HostDevice:
         self._do(lambda: ctypes.memset(address, 0, size) and None)
 
     def load(self, modules: Sequence[Source | str], runtime: Sequence[Source | str] = ()) -> HostProgram:
-        """A program of these files of device code (a plain text can include runtime/cuda's), each compiled for itself
-        and linked with the others."""
+        """A program of these files of device code; a plain text can include runtime/cuda's."""
         return HostProgram(ctypes.CDLL(str(build([*modules, *runtime]))))
 
     def launch(self, kernel: HostKernel, threads: int, arguments: Sequence[int | float], *, block: int = BLOCK) -> None:
@@ -149,6 +150,9 @@ class HostDevice:
 
         self._do(run)
 
+    def wait_for(self, stream: int) -> None:
+        """There is one thread and no stream."""
+
     def synchronize(self) -> None:
         """Everything is done when it is asked for."""
 
@@ -158,20 +162,28 @@ def _view(address: int, count: int, c_type: Any) -> NDArray[Any]:
 
 
 def build(texts: Sequence[Source | str]) -> Path:
-    """A shared library of these files of device code; every kernel X gets a function X_launch."""
+    """A shared library of these files of device code; every kernel X gets a function X_launch.
+
+    Files whose threads do not wait for each other, as generated ones, are compiled as one, each in a namespace: a scene
+    has dozens, and most of their time is the compiler's start.
+    """
     compiler = find_compiler(FLAGS)
-    sources = [
-        Source(f"on_host_{k}", on_host(item)) if isinstance(item, str) else Source(item.name, on_host(item.text))
-        for k, item in enumerate(texts)
-    ]
+    items = [Source(f"on_host_{k}", item) if isinstance(item, str) else item for k, item in enumerate(texts)]
+    wholes = [Source(item.name, with_includes(item.text)) for item in items]
+    sources = [Source(item.name, on_host([item.text], fibers=True)) for item in wholes if _WAITS.search(item.text)]
+    plain = [item.text for item in wholes if not _WAITS.search(item.text)]
+    if plain:
+        sources.append(Source("on_host", on_host(plain, fibers=False)))
     objects = compile_sources(sources, compiler)
     return link(objects, compiler, ("-Wl,-Bsymbolic", "-lm")).path
 
 
-def on_host(text: str) -> str:
-    """The C++ text of a file of device code, with the functions that launch its kernels."""
-    whole = with_includes(text)
-    return "\n".join([HEADER.read_text(encoding="utf-8"), whole, *(_launcher(*found) for found in _kernels(whole))])
+def on_host(texts: Sequence[str], *, fibers: bool) -> str:
+    """The C++ text of files of device code, with the functions that launch their kernels."""
+    lines = ["" if fibers else "#define NO_FIBERS", HEADER.read_text(encoding="utf-8")]
+    for k, text in enumerate(texts):
+        lines += [f"namespace file_{k} {{", text, *(_launcher(*found) for found in _kernels(text)), "}"]
+    return "\n".join(lines)
 
 
 def _kernels(text: str) -> list[tuple[str, str]]:
