@@ -113,6 +113,11 @@ class Gpu:
         """As compilers spell it."""
         return self.found.arch
 
+    @property
+    def stream_address(self) -> int:
+        """The stream's handle."""
+        return int(self.stream)
+
     def call(self, function: str, *arguments: Any) -> Any:
         """What a function of the driver gives. Raises DeviceError."""
         self._device.set_current()

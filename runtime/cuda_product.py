@@ -25,7 +25,6 @@ _SMALL_SHAPES = {(1, 1), (1, 3), (3, 1), (2, 2), (3, 3)}
 _TEAMS = {(3, 12): 2, (12, 3): 2, (6, 6): 2, (9, 9): 1, (12, 12): 1}
 # Blocks a team takes one after another, so that it can add up a row: some, once there is work for a whole device.
 _MOST_IN_TURN, _ENOUGH_TEAMS = 16, 8192
-_MOST_WARPS = 1 << 15
 # Dof blocks of at most so many scalars are gathered by 8 lanes, larger ones by a block of threads.
 _LARGEST_SMALL, _LANES_OF_SMALL = 3, 8
 
@@ -124,7 +123,7 @@ class ScatteredProduct:
             arguments = [self._lists.address_of(shape.first), shape.count, x, y, reason]
             if not special:
                 arguments += [shape.r, shape.c]
-            launches.append(Launch(name, 32 * min(_rounded(shape.chunks), _MOST_WARPS), tuple(arguments)))
+            launches.append(Launch(name, 32 * _rounded(shape.chunks), tuple(arguments)))
         return launches
 
 

@@ -235,6 +235,16 @@ class CudaSolver:
         )
 
 
+def least_bytes_per_iteration(parts: Sequence[CudaBlockMatrix]) -> int:
+    """Bytes that an iteration moves to or from memory at least, if nothing stays in a cache; not if deterministic.
+
+    Every block once with its row and column, the vectors as pcg.cu counts them, and the inverted diagonal blocks.
+    """
+    blocks = sum(group.count * (8 * group.r * group.c + 8) for part in parts for group in part.groups)
+    sizes = np.diff(parts[0].boundaries)
+    return int(blocks + 120 * sizes.sum() + (8 * sizes * parts[0].block_sizes).sum())
+
+
 def _blocks(size: int) -> int:
     """Blocks of threads of a kernel over all unknowns."""
     return min(-(-size // THREADS), _MOST_BLOCKS)

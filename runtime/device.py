@@ -71,6 +71,10 @@ class Device(Protocol):
     def architecture(self) -> str:
         """As compilers spell it, `sm_90`."""
 
+    @property
+    def stream_address(self) -> int:
+        """The stream, for other libraries."""
+
     def allocate(self, size: int, purpose: str) -> Memory:
         """`size` bytes. Raises DeviceMemoryError that says how many were asked for, and for what."""
 

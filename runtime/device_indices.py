@@ -49,28 +49,30 @@ def is_on_device(value: object) -> bool:
     return bool(int(value.__dlpack_device__()[0]) == CUDA_OF_DLPACK)
 
 
-def device_indices(value: Any) -> DeviceIndices:
+def device_indices(value: Any, stream: int) -> DeviceIndices:
     """The array on a device behind `__cuda_array_interface__` (version 2 or 3) or DLPack.
+
+    stream: the one it is going to be read on, for makers that let it wait for theirs (DLPack).
 
     Raises ForeignArrayError for another type than int32 and for rows that do not lie one after another.
     """
     if hasattr(value, "__cuda_array_interface__"):
         interface = value.__cuda_array_interface__
         shape, dtype = tuple(interface["shape"]), np.dtype(interface["typestr"])
-        strides, stream = interface.get("strides"), interface.get("stream")
+        strides, filled_by = interface.get("strides"), interface.get("stream")
         address = int(interface["data"][0])
     else:
         from cuda.core.utils import StridedMemoryView
 
-        view = StridedMemoryView.from_dlpack(value, stream_ptr=-1)  # -1: we wait for the maker's stream ourselves
-        shape, dtype, stream = tuple(view.shape), np.dtype(view.dtype), 1
+        view = StridedMemoryView.from_dlpack(value, stream_ptr=stream)
+        shape, dtype, filled_by = tuple(view.shape), np.dtype(view.dtype), None
         strides = None if view.strides is None else tuple(step * dtype.itemsize for step in view.strides)
         address = int(view.ptr)
     if dtype != np.int32:
         raise ForeignArrayError(f"indices on a device must be int32, got {dtype}; convert them there")
     if strides is not None and tuple(strides) != _contiguous_strides(shape):
         raise ForeignArrayError(f"indices on a device must be C-contiguous, got shape {shape} with strides {strides}")
-    return DeviceIndices(shape, address, stream, value)
+    return DeviceIndices(shape, address, filled_by, value)
 
 
 def _contiguous_strides(shape: tuple[int, ...]) -> tuple[int, ...]:

@@ -62,7 +62,7 @@ __device__ __forceinline__ void add_entry(const yasps_entry& entry, const double
     for (int j = 0; j < length; ++j) {
         const double factor = x[entry.other + j];
 #pragma unroll
-        for (int i = 0; i < Q; ++i) sums[i] += entry.block[i * down + j * along] * factor;
+        for (int i = 0; i < Q; ++i) sums[i] += __ldg(entry.block + i * down + j * along) * factor;
     }
 }
 
@@ -75,9 +75,9 @@ __device__ __forceinline__ void gather_small(const yasps_entry* entries, long be
 }  // namespace
 
 // Dof blocks of at most 3 scalars, `starts` are their scalar offsets.
-extern "C" __global__ void yasps_gather_small(const int* starts, long count, const int* block_size_at,
-                                              const yasps_entry* entries, const long* bounds, long size,
-                                              const double* x, double* y, const long* reason) {
+extern "C" __global__ void __launch_bounds__(kThreads, 10)
+    yasps_gather_small(const int* starts, long count, const int* block_size_at, const yasps_entry* entries,
+                       const long* bounds, long size, const double* x, double* y, const long* reason) {
     if (reason != nullptr && *reason != kRunning) return;
     const long k = thread_of_grid() / kTeam;
     const int lane = threadIdx.x % kTeam;
@@ -102,9 +102,9 @@ extern "C" __global__ void yasps_gather_small(const int* starts, long count, con
 }
 
 // Larger ones: a block of threads for each, 16 rows at a time, 8 teams that take every 8th entry.
-extern "C" __global__ void yasps_gather_large(const int* starts, long count, const int* block_size_at,
-                                              const yasps_entry* entries, const long* bounds, long size,
-                                              const double* x, double* y, const long* reason) {
+extern "C" __global__ void __launch_bounds__(kThreads, 10)
+    yasps_gather_large(const int* starts, long count, const int* block_size_at, const yasps_entry* entries,
+                       const long* bounds, long size, const double* x, double* y, const long* reason) {
     constexpr int kRows = 16, kTeams = kThreads / kRows;
     __shared__ double parts[kTeams][kRows];
     if (reason != nullptr && *reason != kRunning) return;
@@ -122,7 +122,7 @@ extern "C" __global__ void yasps_gather_large(const int* starts, long count, con
                 const bool transposed = entry.shape % 2;
                 const double* const line = entry.block + (transposed ? row : row * length);
                 const int along = transposed ? q : 1;
-                for (int j = 0; j < length; ++j) sum += line[j * along] * x[entry.other + j];
+                for (int j = 0; j < length; ++j) sum += __ldg(line + j * along) * x[entry.other + j];
             }
         }
         parts[team][lane] = sum;

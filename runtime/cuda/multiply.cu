@@ -11,7 +11,7 @@
 
 namespace {
 
-// The chunk that a warp takes next. False: there are no more.
+// The chunk that a warp takes. False: none is left for it.
 __device__ __forceinline__ bool find_chunk(const yasps_block_list* lists, long count, long chunk,
                                            yasps_block_list* list, long* first) {
 #pragma unroll 1
@@ -38,57 +38,60 @@ __device__ __forceinline__ void multiply_small(const yasps_block_list* lists, lo
     double* const mine = staged[threadIdx.x / 32];
     yasps_block_list list;
     long first;
-    for (long chunk = thread_of_grid() / 32; find_chunk(lists, list_count, chunk, &list, &first);
-         chunk += threads_of_grid() / 32) {
-        const long left = list.count - first;
-        const int here = left < 32 ? (int)left : 32;
-        const double* const source = list.values + first * kSize;
+    if (!find_chunk(lists, list_count, thread_of_grid() / 32, &list, &first)) return;
+    const long left = list.count - first;
+    const int here = left < 32 ? (int)left : 32;
+    const double* const source = list.values + first * kSize;
+    double part[kSize];  // all are on their way before one is waited for
 #pragma unroll
-        for (int k = 0; k < kSize; ++k) {
-            const int e = k * 32 + lane;
-            if (e < here * kSize) mine[e / kSize * kStride + e % kSize] = source[e];
-        }
-        const int row = lane < here ? list.rows[first + lane] : -1;
-        const int col = lane < here ? list.cols[first + lane] : -1;
-        __syncwarp();
-        double sums[R] = {}, transposed[C] = {};
-        if (lane < here) {
-            double at_row[R];
+    for (int k = 0; k < kSize; ++k) {
+        const int e = k * 32 + lane;
+        part[k] = __ldg(source + (e < here * kSize ? e : 0));
+    }
+    const int row = lane < here ? __ldg(list.rows + first + lane) : -1;
+    const int col = lane < here ? __ldg(list.cols + first + lane) : -1;
 #pragma unroll
-            for (int i = 0; i < R; ++i) at_row[i] = x[row + i];
+    for (int k = 0; k < kSize; ++k) {
+        const int e = k * 32 + lane;
+        mine[e / kSize * kStride + e % kSize] = part[k];
+    }
+    __syncwarp();
+    double sums[R] = {}, transposed[C] = {};
+    if (lane < here) {
+        double at_row[R];
 #pragma unroll
-            for (int j = 0; j < C; ++j) {
-                const double at_col = x[col + j];
+        for (int i = 0; i < R; ++i) at_row[i] = x[row + i];
 #pragma unroll
-                for (int i = 0; i < R; ++i) {
-                    const double entry = mine[lane * kStride + i * C + j];
-                    sums[i] += entry * at_col;
-                    transposed[j] += entry * at_row[i];
-                }
-            }
-        }
-        // Rows are sorted: lanes of the same row are neighbours, and where no lane has one of its row `by` lanes
-        // further, none has one beyond.
-        for (int by = 1; by < 32; by *= 2) {
-            const int further = __shfl_down_sync(~0u, row, by);
-            const bool same = lane + by < 32 && further == row && row >= 0;
-            if (!__any_sync(~0u, same)) break;
+        for (int j = 0; j < C; ++j) {
+            const double at_col = x[col + j];
 #pragma unroll
             for (int i = 0; i < R; ++i) {
-                const double sum = __shfl_down_sync(~0u, sums[i], by);
-                if (same) sums[i] += sum;
+                const double entry = mine[lane * kStride + i * C + j];
+                sums[i] += entry * at_col;
+                transposed[j] += entry * at_row[i];
             }
         }
-        const int before = __shfl_up_sync(~0u, row, 1);
-        if (row >= 0 && (lane == 0 || before != row)) {
+    }
+    // Rows are sorted: lanes of the same row are neighbours, and where no lane has one of its row `by` lanes
+    // further, none has one beyond.
+    for (int by = 1; by < 32; by *= 2) {
+        const int further = __shfl_down_sync(~0u, row, by);
+        const bool same = lane + by < 32 && further == row && row >= 0;
+        if (!__any_sync(~0u, same)) break;
 #pragma unroll
-            for (int i = 0; i < R; ++i) atomicAdd(y + row + i, sums[i]);
+        for (int i = 0; i < R; ++i) {
+            const double sum = __shfl_down_sync(~0u, sums[i], by);
+            if (same) sums[i] += sum;
         }
-        if (row != col) {
+    }
+    const int before = __shfl_up_sync(~0u, row, 1);
+    if (row >= 0 && (lane == 0 || before != row)) {
 #pragma unroll
-            for (int j = 0; j < C; ++j) atomicAdd(y + col + j, transposed[j]);
-        }
-        __syncwarp();  // before the next blocks are staged
+        for (int i = 0; i < R; ++i) atomicAdd(y + row + i, sums[i]);
+    }
+    if (row != col) {
+#pragma unroll
+        for (int j = 0; j < C; ++j) atomicAdd(y + col + j, transposed[j]);
     }
 }
 
@@ -98,7 +101,8 @@ template <int R, int C, int LANES>
 __device__ __forceinline__ void multiply_wide(const yasps_block_list* lists, long list_count, const double* x,
                                               double* y, const long* reason) {
     static_assert(R + C <= LANES && (LANES == 16 || LANES == 32), "a lane for each row and column");
-    constexpr int kStride = C | 1, kTeams = kThreads / LANES, kLongest = R > C ? R : C;
+    constexpr int kStride = C | 1, kTeams = kThreads / LANES;
+    constexpr int kParts = (R * C + LANES - 1) / LANES;
     __shared__ double staged[kTeams][R * kStride + R + C];
     if (reason != nullptr && *reason != kRunning) return;
     const int lane = threadIdx.x % LANES;
@@ -111,108 +115,114 @@ __device__ __forceinline__ void multiply_wide(const yasps_block_list* lists, lon
     const int step = of_row ? 1 : kStride, length = of_row ? C : R;
     yasps_block_list list;
     long first;
-    for (long chunk = thread_of_grid() / 32; find_chunk(lists, list_count, chunk, &list, &first);
-         chunk += threads_of_grid() / 32) {
-        const long steps = list.chunk / (32 / LANES);  // all lanes of a warp take as many
-        int row = -1;
-        double sum = 0;
-        for (long k = 0; k < steps; ++k) {
-            const long b = first + team * steps + k;
-            const bool is_block = b < list.count;
-            const int next_row = is_block ? list.rows[b] : -1, col = is_block ? list.cols[b] : -1;
-            if (is_block) {
-                const double* const source = list.values + b * (R * C);
+    if (!find_chunk(lists, list_count, thread_of_grid() / 32, &list, &first)) return;
+    const long steps = list.chunk / (32 / LANES);  // all lanes of a warp take as many
+    int row = -1;
+    double sum = 0;
+#pragma unroll 1
+    for (long k = 0; k < steps; ++k) {
+        const long b = first + team * steps + k;
+        const bool is_block = b < list.count;
+        const long read = is_block ? b : first;
+        const double* const source = list.values + read * (R * C);
+        double part[kParts];  // all are on their way before one is waited for
 #pragma unroll
-                for (int e = 0; e < R * C; e += LANES)
-                    if (e + lane < R * C) block[(e + lane) / C * kStride + (e + lane) % C] = source[e + lane];
-                if (of_row) operand[lane] = x[next_row + lane];
-                if (of_col) operand[lane] = x[col + lane - R];
-            }
-            __syncwarp();
-            double product = 0;
-            if (is_block && (of_row || of_col)) {
+        for (int m = 0; m < kParts; ++m) part[m] = __ldg(source + (m * LANES + lane < R * C ? m * LANES + lane : 0));
+        const int read_row = __ldg(list.rows + read), col = __ldg(list.cols + read);
+        const double mine = of_row ? x[read_row + lane] : of_col ? x[col + lane - R] : 0.0;
 #pragma unroll
-                for (int j = 0; j < kLongest; ++j)
-                    if (j < length) product += entries[j * step] * factors[j];
-            }
-            if (next_row != row) {
-                if (of_row && row >= 0) atomicAdd(y + row + lane, sum);
-                sum = 0;
-                row = next_row;
-            }
-            if (of_row) sum += product;
-            if (of_col && next_row != col) atomicAdd(y + col + lane - R, product);
-            __syncwarp();
+        for (int m = 0; m < kParts; ++m) {
+            const int e = m * LANES + lane;
+            if (e < R * C) block[e / C * kStride + e % C] = part[m];
         }
-        if (of_row && row >= 0) atomicAdd(y + row + lane, sum);
+        if (of_row || of_col) operand[lane] = mine;
+        const int next_row = is_block ? read_row : -1;
+        __syncwarp();
+        double product = 0;
+        const double* entry = entries;
+        if (is_block && (of_row || of_col)) {
+#pragma unroll 3
+            for (int j = 0; j < length; ++j, entry += step) product += *entry * factors[j];
+        }
+        if (next_row != row) {
+            if (of_row && row >= 0) atomicAdd(y + row + lane, sum);
+            sum = 0;
+            row = next_row;
+        }
+        if (of_row) sum += product;
+        if (of_col && is_block && next_row != col) atomicAdd(y + col + lane - R, product);
+        __syncwarp();
     }
+    if (of_row && row >= 0) atomicAdd(y + row + lane, sum);
 }
 
 }  // namespace
 
-extern "C" __global__ void yasps_multiply_1x1(const yasps_block_list* lists, long list_count, const double* x,
-                                              double* y, const long* reason) {
+extern "C" __global__ void __launch_bounds__(kThreads, 10)
+    yasps_multiply_1x1(const yasps_block_list* lists, long list_count, const double* x, double* y, const long* reason) {
     multiply_small<1, 1>(lists, list_count, x, y, reason);
 }
-extern "C" __global__ void yasps_multiply_1x3(const yasps_block_list* lists, long list_count, const double* x,
-                                              double* y, const long* reason) {
+extern "C" __global__ void __launch_bounds__(kThreads, 10)
+    yasps_multiply_1x3(const yasps_block_list* lists, long list_count, const double* x, double* y, const long* reason) {
     multiply_small<1, 3>(lists, list_count, x, y, reason);
 }
-extern "C" __global__ void yasps_multiply_3x1(const yasps_block_list* lists, long list_count, const double* x,
-                                              double* y, const long* reason) {
+extern "C" __global__ void __launch_bounds__(kThreads, 10)
+    yasps_multiply_3x1(const yasps_block_list* lists, long list_count, const double* x, double* y, const long* reason) {
     multiply_small<3, 1>(lists, list_count, x, y, reason);
 }
-extern "C" __global__ void yasps_multiply_2x2(const yasps_block_list* lists, long list_count, const double* x,
-                                              double* y, const long* reason) {
+extern "C" __global__ void __launch_bounds__(kThreads, 10)
+    yasps_multiply_2x2(const yasps_block_list* lists, long list_count, const double* x, double* y, const long* reason) {
     multiply_small<2, 2>(lists, list_count, x, y, reason);
 }
-extern "C" __global__ void yasps_multiply_3x3(const yasps_block_list* lists, long list_count, const double* x,
-                                              double* y, const long* reason) {
+extern "C" __global__ void __launch_bounds__(kThreads, 10)
+    yasps_multiply_3x3(const yasps_block_list* lists, long list_count, const double* x, double* y, const long* reason) {
     multiply_small<3, 3>(lists, list_count, x, y, reason);
 }
-extern "C" __global__ void yasps_multiply_3x12(const yasps_block_list* lists, long list_count, const double* x,
-                                               double* y, const long* reason) {
+extern "C" __global__ void __launch_bounds__(kThreads, 5)
+    yasps_multiply_3x12(const yasps_block_list* lists, long list_count, const double* x, double* y,
+                        const long* reason) {
     multiply_wide<3, 12, 16>(lists, list_count, x, y, reason);
 }
-extern "C" __global__ void yasps_multiply_12x3(const yasps_block_list* lists, long list_count, const double* x,
-                                               double* y, const long* reason) {
+extern "C" __global__ void __launch_bounds__(kThreads, 5)
+    yasps_multiply_12x3(const yasps_block_list* lists, long list_count, const double* x, double* y,
+                        const long* reason) {
     multiply_wide<12, 3, 16>(lists, list_count, x, y, reason);
 }
-extern "C" __global__ void yasps_multiply_6x6(const yasps_block_list* lists, long list_count, const double* x,
-                                              double* y, const long* reason) {
+extern "C" __global__ void __launch_bounds__(kThreads, 5)
+    yasps_multiply_6x6(const yasps_block_list* lists, long list_count, const double* x, double* y, const long* reason) {
     multiply_wide<6, 6, 16>(lists, list_count, x, y, reason);
 }
-extern "C" __global__ void yasps_multiply_9x9(const yasps_block_list* lists, long list_count, const double* x,
-                                              double* y, const long* reason) {
+extern "C" __global__ void __launch_bounds__(kThreads, 5)
+    yasps_multiply_9x9(const yasps_block_list* lists, long list_count, const double* x, double* y, const long* reason) {
     multiply_wide<9, 9, 32>(lists, list_count, x, y, reason);
 }
-extern "C" __global__ void yasps_multiply_12x12(const yasps_block_list* lists, long list_count, const double* x,
-                                                double* y, const long* reason) {
+extern "C" __global__ void __launch_bounds__(kThreads, 5)
+    yasps_multiply_12x12(const yasps_block_list* lists, long list_count, const double* x, double* y,
+                         const long* reason) {
     multiply_wide<12, 12, 32>(lists, list_count, x, y, reason);
 }
 
 // Any shape: a warp takes block after block, a lane every 32nd of its rows and columns.
-extern "C" __global__ void yasps_multiply_any(const yasps_block_list* lists, long list_count, const double* x,
-                                              double* y, const long* reason, long r, long c) {
+extern "C" __global__ void __launch_bounds__(kThreads, 8)
+    yasps_multiply_any(const yasps_block_list* lists, long list_count, const double* x, double* y, const long* reason,
+                       long r, long c) {
     if (reason != nullptr && *reason != kRunning) return;
     yasps_block_list list;
     long first;
-    for (long chunk = thread_of_grid() / 32; find_chunk(lists, list_count, chunk, &list, &first);
-         chunk += threads_of_grid() / 32) {
-        const long end = first + list.chunk < list.count ? first + list.chunk : list.count;
-        for (long b = first; b < end; ++b) {
-            const double* const block = list.values + b * r * c;
-            const int row = list.rows[b], col = list.cols[b];
-            for (long t = threadIdx.x % 32; t < r + c; t += 32) {
-                const bool of_row = t < r;
-                if (!of_row && row == col) continue;
-                const double* const entries = of_row ? block + t * c : block + (t - r);
-                const double* const factors = of_row ? x + col : x + row;
-                const long step = of_row ? 1 : c, length = of_row ? c : r;
-                double sum = 0;
-                for (long j = 0; j < length; ++j) sum += entries[j * step] * factors[j];
-                atomicAdd(y + (of_row ? row + t : col + t - r), sum);
-            }
+    if (!find_chunk(lists, list_count, thread_of_grid() / 32, &list, &first)) return;
+    const long end = first + list.chunk < list.count ? first + list.chunk : list.count;
+    for (long b = first; b < end; ++b) {
+        const double* const block = list.values + b * r * c;
+        const int row = __ldg(list.rows + b), col = __ldg(list.cols + b);
+        for (long t = threadIdx.x % 32; t < r + c; t += 32) {
+            const bool of_row = t < r;
+            if (!of_row && row == col) continue;
+            const double* const entries = of_row ? block + t * c : block + (t - r);
+            const double* const factors = of_row ? x + col : x + row;
+            const long step = of_row ? 1 : c, length = of_row ? c : r;
+            double sum = 0;
+            for (long j = 0; j < length; ++j) sum += __ldg(entries + j * step) * factors[j];
+            atomicAdd(y + (of_row ? row + t : col + t - r), sum);
         }
     }
 }

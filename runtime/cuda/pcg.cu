@@ -33,8 +33,9 @@ __device__ __forceinline__ long reason_at(double relative, long iteration, const
 }  // namespace
 
 // x = x0 or 0, q = 0. Leaves for each block how many entries of g are not finite, and the largest magnitude.
-extern "C" __global__ void yasps_pcg_prepare(const double* g, const double* x0, long n, double* x, double* q,
-                                             double* partial, long long* worst) {
+extern "C" __global__ void __launch_bounds__(kThreads, 10)
+    yasps_pcg_prepare(const double* g, const double* x0, long n, double* x, double* q, double* partial,
+                      long long* worst) {
     __shared__ double largest_of[kWarps];
     double unusable = 0, largest = 0;
     for (long i = thread_of_grid(); i < n; i += threads_of_grid()) {
@@ -56,8 +57,9 @@ extern "C" __global__ void yasps_pcg_prepare(const double* g, const double* x0, 
 }
 
 // r = g - q and p = M^-1 r. Leaves the shares of g^T M^-1 g and r^T M^-1 r.
-extern "C" __global__ void yasps_pcg_start(const double* g, const double* q, const yasps_run* runs, long run_count,
-                                           const double* inverse, long n, double* r, double* p, double* partial) {
+extern "C" __global__ void __launch_bounds__(kThreads, 8)
+    yasps_pcg_start(const double* g, const double* q, const yasps_run* runs, long run_count, const double* inverse,
+                    long n, double* r, double* p, double* partial) {
     double reference = 0, squared = 0;
     for (long i = thread_of_grid(); i < n; i += threads_of_grid()) {
         const yasps_place place = place_of(runs, run_count, i);
@@ -76,8 +78,9 @@ extern "C" __global__ void yasps_pcg_start(const double* g, const double* q, con
 }
 
 // The state before the first iteration, from what the two kernels above left of `count` blocks each; one block.
-extern "C" __global__ void yasps_pcg_begin(const double* partial, long count, const long long* worst,
-                                           const yasps_pcg_settings* settings, yasps_pcg_state* state) {
+extern "C" __global__ void __launch_bounds__(kThreads, 10)
+    yasps_pcg_begin(const double* partial, long count, const long long* worst, const yasps_pcg_settings* settings,
+                    yasps_pcg_state* state) {
     const double unusable = sum_of(partial, count);
     const double largest = sum_of(partial + count, count);  // of what is not negative: 0 only if all are
     const double reference = sum_of(partial + 2 * count, count);
@@ -99,8 +102,8 @@ extern "C" __global__ void yasps_pcg_begin(const double* partial, long count, co
 }
 
 // Leaves the shares of p^T q.
-extern "C" __global__ void yasps_pcg_curvature(const yasps_pcg_state* now, const double* p, const double* q, long n,
-                                               double* partial) {
+extern "C" __global__ void __launch_bounds__(kThreads, 10)
+    yasps_pcg_curvature(const yasps_pcg_state* now, const double* p, const double* q, long n, double* partial) {
     if (now->reason != kRunning) return;
     double sum = 0;
     for (long i = thread_of_grid(); i < n; i += threads_of_grid()) sum += p[i] * q[i];
@@ -110,9 +113,10 @@ extern "C" __global__ void yasps_pcg_curvature(const yasps_pcg_state* now, const
 
 // r' = r - step q and z = M^-1 r', with the step that curvature's shares give. Leaves the shares of r'^T z. A thread
 // computes r' of its whole dof block; so r' is another vector than r.
-extern "C" __global__ void yasps_pcg_step(yasps_pcg_state* now, const double* curvatures, const double* r,
-                                          const double* q, const yasps_run* runs, long run_count, const double* inverse,
-                                          long n, double* next_r, double* z, double* partial) {
+extern "C" __global__ void __launch_bounds__(kThreads, 8)
+    yasps_pcg_step(yasps_pcg_state* now, const double* curvatures, const double* r, const double* q,
+                   const yasps_run* runs, long run_count, const double* inverse, long n, double* next_r, double* z,
+                   double* partial) {
     if (now->reason != kRunning) return;
     const double curvature = sum_of(curvatures, gridDim.x);
     const bool usable = is_finite(curvature) && curvature > 0;
@@ -136,9 +140,9 @@ extern "C" __global__ void yasps_pcg_step(yasps_pcg_state* now, const double* cu
 }
 
 // x += step p, p = z + mix p, q = 0, and the state before the next iteration.
-extern "C" __global__ void yasps_pcg_direction(const yasps_pcg_state* now, yasps_pcg_state* next,
-                                               const yasps_pcg_settings* settings, const double* partial,
-                                               const double* z, long n, double* x, double* p, double* q) {
+extern "C" __global__ void __launch_bounds__(kThreads, 10)
+    yasps_pcg_direction(const yasps_pcg_state* now, yasps_pcg_state* next, const yasps_pcg_settings* settings,
+                        const double* partial, const double* z, long n, double* x, double* p, double* q) {
     yasps_pcg_state s = *now;
     if (s.reason == kRunning) s.reason = s.verdict;
     if (s.reason != kRunning) {

@@ -81,7 +81,7 @@ struct Fixed {
 __device__ __forceinline__ double sum_at(const yasps_diagonal* parts, long count, long block, long k) {
     double sum = 0;
     for (long p = 0; p < count; ++p)
-        if (parts[p].offsets[block] >= 0) sum += parts[p].values[parts[p].offsets[block] + k];
+        if (parts[p].offsets[block] >= 0) sum += __ldg(parts[p].values + parts[p].offsets[block] + k);
     return sum;
 }
 
@@ -100,9 +100,9 @@ __device__ __forceinline__ long invert_in_registers(const yasps_diagonal* parts,
 
 // One dof block a thread. Where one cannot be inverted, *worst becomes at most 4 * (its first scalar) + reason, so that
 // the first of them is named. Blocks of more than 3 scalars are worked on where the inverse goes.
-extern "C" __global__ void yasps_invert_diagonal(const yasps_diagonal* parts, long part_count, const int* block_start,
-                                                 long blocks, const yasps_run* runs, long run_count, double* inverse,
-                                                 long long* worst) {
+extern "C" __global__ void __launch_bounds__(kThreads, 8)
+    yasps_invert_diagonal(const yasps_diagonal* parts, long part_count, const int* block_start, long blocks,
+                          const yasps_run* runs, long run_count, double* inverse, long long* worst) {
     const long block = thread_of_grid();
     if (block >= blocks) return;
     const yasps_place place = place_of(runs, run_count, block_start[block]);

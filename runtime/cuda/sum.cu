@@ -3,7 +3,8 @@
 #include "solver.cuh"
 
 // At most 2048 blocks of kThreads.
-extern "C" __global__ void yasps_sum_parts(const double* values, long count, double* partial) {
+extern "C" __global__ void __launch_bounds__(kThreads, 10)
+    yasps_sum_parts(const double* values, long count, double* partial) {
     double sum = 0;
     for (long i = thread_of_grid(); i < count; i += threads_of_grid()) sum += values[i];
     sum = block_sum(sum);
@@ -11,7 +12,8 @@ extern "C" __global__ void yasps_sum_parts(const double* values, long count, dou
 }
 
 // One block.
-extern "C" __global__ void yasps_sum_finish(const double* partial, long count, double* sum) {
+extern "C" __global__ void __launch_bounds__(kThreads, 10)
+    yasps_sum_finish(const double* partial, long count, double* sum) {
     const double total = sum_of(partial, count);
     if (threadIdx.x == 0) *sum = total;
 }

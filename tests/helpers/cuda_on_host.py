@@ -21,10 +21,18 @@ from yasps.runtime.device import BLOCK, DeviceMemoryError
 from yasps.runtime.toolchain import Source, compile_sources, find_compiler, link
 
 HEADER = Path(__file__).resolve().with_name("cuda_on_host.h")
-FLAGS = ("-O1", "-std=c++17", "-fPIC", "-Wall", "-Wextra", "-Wno-unused-function", "-Wno-unused-variable")
-_KERNEL = re.compile(
-    r'extern "C" __global__ (?:void (?:__launch_bounds__\([\w, ]+\)\s)?\s*|__launch_bounds__\([\w, ]+\) void )(\w+)\(([^)]*)\)\s*\{'
+FLAGS = (
+    "-O1",
+    "-std=c++17",
+    "-fPIC",
+    "-U_FORTIFY_SOURCE",
+    "-Wall",
+    "-Wextra",
+    "-Wno-unused-function",
+    "-Wno-unused-variable",
 )
+_BOUNDS = r"__launch_bounds__\([\w, ]+\)"
+_KERNEL = re.compile(rf'extern "C" __global__ (?:void (?:{_BOUNDS}\s)?\s*|{_BOUNDS} void )(\w+)\(([^)]*)\)\s*\{{')
 _WAITS = re.compile(r"__sync|_sync\(")
 """Where threads wait for others of their warp or block."""
 MOST_BYTES = 1 << 33
@@ -75,9 +83,12 @@ class HostDevice:
 
     name = "the host, as a device"
     architecture = "sm_90"
+    stream_address = 0
 
-    def __init__(self, most_bytes: int = MOST_BYTES) -> None:
+    def __init__(self, most_bytes: int = MOST_BYTES, *, backwards: bool = False) -> None:
+        """backwards: the last thread runs first, so that sums whose order is left to the device come out otherwise."""
         self.used, self.most_bytes = 0, most_bytes
+        self.backwards = backwards
         self._recording: HostGraph | None = None
         self.launches: list[str] = []
         """Names of the kernels launched, for tests."""
@@ -122,7 +133,7 @@ class HostDevice:
         def run() -> None:
             pointers = (ctypes.c_void_p * max(1, len(numbers)))(*(ctypes.addressof(number) for number in numbers))
             self.launches.append(kernel.name)
-            kernel.function(ctypes.c_uint(grid), ctypes.c_uint(block), pointers)
+            kernel.function(ctypes.c_uint(grid), ctypes.c_uint(block), pointers, ctypes.c_bool(self.backwards))
 
         self._do(run)
 
@@ -195,6 +206,6 @@ def _launcher(name: str, parameters: str) -> str:
     passed = ", ".join(f"*({type_}*)a[{k}]" for k, type_ in enumerate(types))
     return (
         f"static void {name}_thread(void* given) {{ void** const a = (void**)given; (void)a; {name}({passed}); }}\n"
-        f'extern "C" void {name}_launch(unsigned grid, unsigned block, void** a) '
-        f"{{ fibers::launch({name}_thread, a, grid, block); }}\n"
+        f'extern "C" void {name}_launch(unsigned grid, unsigned block, void** a, bool backwards) '
+        f"{{ fibers::launch({name}_thread, a, grid, block, backwards); }}\n"
     )

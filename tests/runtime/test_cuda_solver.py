@@ -9,7 +9,9 @@ import pytest
 from cuda_on_host import HostProgram
 from device_systems import Maker, Structure, load_solver_program, random_structure
 
+from yasps.runtime import cuda_solver
 from yasps.runtime.cuda_block_matrix import CudaBlockMatrix
+from yasps.runtime.cuda_solver import least_bytes_per_iteration
 from yasps.runtime.cuda_sources import runtime_sources
 from yasps.runtime.library import Runtime
 from yasps.runtime.solver import PcgSolver, SolveReport, StopReason
@@ -63,6 +65,17 @@ def test_solves_as_the_cpu_does(
     np.testing.assert_allclose(x.download(), expected, rtol=0, atol=1e-10 * np.abs(expected).max())
 
 
+def test_few_blocks_take_turns(maker: Maker, monkeypatch: pytest.MonkeyPatch) -> None:
+    """As on a large system: more unknowns than threads."""
+    monkeypatch.setattr(cuda_solver, "_MOST_BLOCKS", 1)
+    system = maker.random(random_structure(3, (100, 4), (3, 5)))
+    assert system.size > 2 * 128
+    g = np.random.default_rng(2).standard_normal(system.size)
+    x, report = maker.solver().solve(system.parts, system.vector(g), 1e-26, 300)
+    assert report.converged
+    np.testing.assert_allclose(x.download(), np.linalg.solve(system.dense, g), rtol=1e-10, atol=1e-12)
+
+
 @pytest.mark.parametrize("limit", [0, 1, 2, 5, 8, 9])
 def test_stops_after_the_last_allowed_iteration(maker: Maker, runtime: Runtime, scene: Any, limit: int) -> None:
     """Also in the middle of a recorded graph, and at its end: x is that of the last iteration."""
@@ -110,6 +123,15 @@ def test_launches_of_an_iteration(maker: Maker) -> None:
     assert len(maker.device.launches) - before == 4 + 8 * (3 + 4)
 
 
+def test_least_bytes_of_an_iteration(maker: Maker) -> None:
+    """Two vertices and an affine body, in a block with one of the vertices."""
+    structure = Structure((2, 1), (3, 12), [np.array([[4, 7]], np.int32)])
+    system = maker.random(structure, parts=1, definite=False)
+    values, blocks, scalars = 2 * 9 + 36 + 144, 4, 18
+    expected = 8 * values + 8 * blocks + 120 * scalars + 8 * (2 * 9 + 144)
+    assert least_bytes_per_iteration(system.parts) == expected
+
+
 @both_products
 def test_graph_is_recorded_anew_only_for_another_system(maker: Maker, deterministic: bool) -> None:
     structure = random_structure(1, (40,), (3,))
@@ -140,6 +162,20 @@ def test_graph_is_recorded_anew_only_for_another_system(maker: Maker, determinis
     other = maker.random(random_structure(2, (3, 2), (3, 12)))
     system = other
     assert check() == 1
+
+
+@pytest.mark.parametrize("blocks", [1, 127, 128, 300, 2048])
+def test_sums_of_many_blocks(maker: Maker, program: HostProgram, blocks: int) -> None:
+    """As on a large system, whose kernels leave a number for each of up to 2048 blocks."""
+    partial = np.random.default_rng(0).random((4, blocks))
+    partial[0] = 0  # no entry of g that is not finite
+    sent, states = maker.empty().upload(partial), maker.empty().resize(8)
+    worst = maker.empty(np.int64).upload(np.array([2**63 - 1]))
+    settings = maker.empty(np.int64).upload(np.array([0, 10, 0]))
+    addresses = [sent.address, blocks, worst.address, settings.address, states.address]
+    maker.device.launch(program.kernel("yasps_pcg_begin"), 128, addresses, block=128)
+    reference, squared = partial[2:].sum(axis=1)
+    np.testing.assert_allclose(states.download()[:3], [squared, reference, squared / reference], rtol=1e-14)
 
 
 def test_zero_gradient_gives_zero(maker: Maker, scene: Any) -> None:

@@ -1,1 +1,0 @@
-helpers/cuda_on_host.py
