@@ -31,31 +31,35 @@ template <int cols>
 struct Matrix {
     Eight at[3 * cols];
 };
+// a b^T.
 template <int cols>
 inline Matrix<cols> outer(const Vector<Eight>& a, const Vector<Eight>& b) {
     Matrix<cols> m;
-    for (int r = 0; r < 3; ++r)
-        for (int c = 0; c < cols; ++c) m.at[r * cols + c] = a.at[r] * b.at[c];
+#pragma GCC unroll 9
+    for (int k = 0; k < 3 * cols; ++k) m.at[k] = a.at[k / cols] * b.at[k % cols];
     return m;
 }
 template <int cols>
 inline Matrix<cols> operator+(const Matrix<cols>& a, const Matrix<cols>& b) {
     Matrix<cols> m;
+#pragma GCC unroll 9
     for (int k = 0; k < 3 * cols; ++k) m.at[k] = a.at[k] + b.at[k];
     return m;
 }
 template <int cols>
 inline Matrix<cols> operator-(const Matrix<cols>& a, const Matrix<cols>& b) {
     Matrix<cols> m;
+#pragma GCC unroll 9
     for (int k = 0; k < 3 * cols; ++k) m.at[k] = a.at[k] - b.at[k];
     return m;
 }
 template <int cols>
 inline Vector<Eight> times(const Matrix<cols>& m, const Vector<Eight>& b) {
     Vector<Eight> result;
+#pragma GCC unroll 3
     for (int r = 0; r < 3; ++r) {
-        result.at[r] = m.at[r * cols] * b.at[0];
-        for (int c = 1; c < cols; ++c) result.at[r] = result.at[r] + m.at[r * cols + c] * b.at[c];
+        result.at[r] = m.at[r * cols] * b.at[0] + m.at[r * cols + 1] * b.at[1];
+        if (cols == 3) result.at[r] = result.at[r] + m.at[r * cols + 2] * b.at[2];
     }
     return result;
 }
@@ -63,71 +67,81 @@ inline Vector<Eight> times(const Matrix<cols>& m, const Vector<Eight>& b) {
 // Entry k of eight packed matrices among those collected.
 inline Eight load_entry(const double* h, int k) {
     Eight entry;
-    load_lanes(h + k * kStride, &entry);
+    load_lanes(h + k * kCollected, &entry);
     return entry;
 }
-
-// h x and h y.
+// Where entry (r, s) of a matrix is, r <= s.
 template <int cols>
-inline void multiply(const double* h, const Matrix<cols>& x, const Matrix<cols>& y, Matrix<cols>* hx,
-                     Matrix<cols>* hy) {
-    constexpr int n = 3 * cols;
-    *hx = *hy = {};
-#pragma GCC unroll 9
-    for (int r = 0, k = 0; r < n; ++r) {
-        const Eight diagonal = load_entry(h, k++);
-        Eight sum_x = hx->at[r] + diagonal * x.at[r], sum_y = hy->at[r] + diagonal * y.at[r];
-#pragma GCC unroll 9
-        for (int s = r + 1; s < n; ++s) {
-            const Eight entry = load_entry(h, k++);
-            sum_x = sum_x + entry * x.at[s];
-            sum_y = sum_y + entry * y.at[s];
-            hx->at[s] = hx->at[s] + entry * x.at[r];
-            hy->at[s] = hy->at[s] + entry * y.at[r];
-        }
-        hx->at[r] = sum_x;
-        hy->at[r] = sum_y;
-    }
+constexpr int entry_at(int r, int s) {
+    return r * 3 * cols - r * (r - 1) / 2 + s - r;
 }
 
-// h is known to consist of blocks, so its products with two matrices and its trace tell all of them.
+// h x.
+template <int cols>
+inline Matrix<cols> multiply(const double* h, const Matrix<cols>& x) {
+    constexpr int n = 3 * cols;
+    Matrix<cols> hx;
+#pragma GCC unroll 9
+    for (int r = 0; r < n; ++r) hx.at[r] = load_entry(h, r) * x.at[0];
+#pragma GCC unroll 9
+    for (int r = 0; r < n; ++r) {
+#pragma GCC unroll 9
+        for (int s = r > 0 ? r : 1; s < n; ++s) {
+            const Eight entry = load_entry(h, entry_at<cols>(r, s));
+            hx.at[r] = hx.at[r] + entry * x.at[s];
+            if (r > 0 && s > r) hx.at[s] = hx.at[s] + entry * x.at[r];
+        }
+    }
+    return hx;
+}
+
+// h is known to consist of blocks, so its product with one matrix and a few sums of its entries tell all of them.
 template <int cols>
 Blocks<Eight> blocks_of(const double* h, const Columns<Eight>& u, const Columns<Eight>& v) {
     Blocks<Eight> found = {};
-    Matrix<cols> first, second;
+    Symmetric<Eight>& same = found.same;
     if (cols == 3) {
-        // u_1 v_1^T and, of each pair i < j, u_i v_j^T; u_2 v_2^T.
-        const Vector<Eight> all = v.c[0] + v.c[1] + v.c[2];
-        multiply<cols>(h, outer<cols>(u.c[0], all) + outer<cols>(u.c[1], v.c[2]), outer<cols>(u.c[1], v.c[1]), &first,
-                       &second);
-        const Vector<Eight> right[3] = {times(first, v.c[0]), times(first, v.c[1]), times(first, v.c[2])};
-        Eight off_diagonal = {};
-        for (int k = 0; k < 3; ++k) {
-            const int i = k == 0 ? 1 : 0, j = k == 2 ? 1 : 2;
-            found.alike[k] = dot(u.c[i], right[j]);
-            found.across[k] = dot(u.c[j], right[i]);
-            off_diagonal = off_diagonal + found.alike[k] * 2.0;
-        }
-        found.same.diagonal[0] = dot(u.c[0], right[0]);
-        found.same.opposite[2] = dot(u.c[1], right[1]);
-        found.same.opposite[1] = dot(u.c[2], right[2]);
-        found.same.diagonal[1] = dot(u.c[1], times(second, v.c[1]));
-        found.same.opposite[0] = dot(u.c[2], times(second, v.c[2]));
-        Eight trace = {};
-        for (int i = 0, k = 0; i < 9; k += 9 - i, ++i) trace = trace + load_entry(h, k);
-        found.same.diagonal[2] = trace - found.same.diagonal[0] - found.same.diagonal[1] - off_diagonal;
+        // u_i v_j^T of all i <= j.
+        const Vector<Eight> two = v.c[1] + v.c[2];
+        const Matrix<cols> image = multiply<cols>(
+            h, outer<cols>(u.c[0], v.c[0] + two) + outer<cols>(u.c[1], two) + outer<cols>(u.c[2], v.c[2]));
+        const Vector<Eight> right[3] = {times(image, v.c[0]), times(image, v.c[1]), times(image, v.c[2])};
+        found.alike[0] = dot(u.c[1], right[2]), found.across[0] = dot(u.c[2], right[1]);
+        found.alike[1] = dot(u.c[0], right[2]), found.across[1] = dot(u.c[2], right[0]);
+        found.alike[2] = dot(u.c[0], right[1]), found.across[2] = dot(u.c[1], right[0]);
+        // The sum of the 3x3 blocks of h on the diagonal has, for v_j, the sum of the entries of all u_i v_j^T.
+        const auto sum = [h](int a, int b) {
+            return load_entry(h, entry_at<cols>(a, b)) + load_entry(h, entry_at<cols>(3 + a, 3 + b)) +
+                   load_entry(h, entry_at<cols>(6 + a, 6 + b));
+        };
+        const Symmetric<Eight> sums = {{sum(0, 0), sum(1, 1), sum(2, 2)}, {sum(1, 2), sum(0, 2), sum(0, 1)}};
+        const Eight first = dot(v.c[0], times(sums, v.c[0])), second = dot(v.c[1], times(sums, v.c[1]));
+        const Eight third = sums.diagonal[0] + sums.diagonal[1] + sums.diagonal[2] - first - second;
+        same.diagonal[0] = first - found.alike[1] - found.alike[2];
+        same.diagonal[1] = second - found.alike[0] - found.alike[2];
+        same.diagonal[2] = third - found.alike[0] - found.alike[1];
+        // Sums of the two entries beside the diagonal.
+        const Eight x = dot(u.c[0], right[0]) - same.diagonal[0], y = dot(u.c[1], right[1]) - same.diagonal[1];
+        const Eight z = dot(u.c[2], right[2]) - same.diagonal[2];
+        same.opposite[0] = (y + z - x) * 0.5;
+        same.opposite[1] = (x + z - y) * 0.5;
+        same.opposite[2] = (x + y - z) * 0.5;
     } else {
-        // u_1 v_1^T, u_1 v_2^T and u_3 v_1^T; u_2 v_2^T and u_3 v_2^T.
-        multiply<cols>(h, outer<cols>(u.c[0], v.c[0] + v.c[1]) + outer<cols>(u.c[2], v.c[0]),
-                       outer<cols>(u.c[1] + u.c[2], v.c[1]), &first, &second);
-        const Vector<Eight> right[2] = {times(first, v.c[0]), times(first, v.c[1])}, other = times(second, v.c[1]);
-        found.same.diagonal[0] = dot(u.c[0], right[0]);
-        found.same.opposite[2] = dot(u.c[1], right[1]);
-        found.same.diagonal[1] = dot(u.c[1], other);
+        // All of u_i v_j^T but u_2 v_1^T.
+        const Matrix<cols> image =
+            multiply<cols>(h, outer<cols>(u.c[0] + u.c[2], v.c[0] + v.c[1]) + outer<cols>(u.c[1], v.c[1]));
+        const Vector<Eight> right[2] = {times(image, v.c[0]), times(image, v.c[1])};
         found.alike[2] = dot(u.c[0], right[1]);
         found.across[2] = dot(u.c[1], right[0]);
         found.last[0] = dot(u.c[2], right[0]);
-        found.last[1] = dot(u.c[2], other);
+        found.last[1] = dot(u.c[2], right[1]);
+        const Eight first = dot(u.c[0], right[0]), second = dot(u.c[1], right[1]);
+        Eight both = found.alike[2] * -2.0 - found.last[0] - found.last[1];
+#pragma GCC unroll 6
+        for (int k = 0; k < 6; ++k) both = both + load_entry(h, entry_at<cols>(k, k));
+        same.diagonal[0] = (both + first - second) * 0.5;
+        same.diagonal[1] = (both + second - first) * 0.5;
+        same.opposite[2] = first - same.diagonal[0];
     }
     return found;
 }
@@ -135,6 +149,7 @@ Blocks<Eight> blocks_of(const double* h, const Columns<Eight>& u, const Columns<
 Eight smallest_eigenvalue(const Blocks<Eight>& blocks) {
     const auto smaller = [](Eight a, Eight b) { return select(less(a, b), a, b); };
     Eight smallest = smaller(blocks.last[0], blocks.last[1]);
+#pragma GCC unroll 3
     for (int k = 0; k < 3; ++k) {
         smallest = smaller(smallest, blocks.same.diagonal[k]);
         smallest = smaller(smallest, blocks.alike[k] - magnitude(blocks.across[k]));
@@ -164,24 +179,16 @@ struct Modes {
 template <int cols>
 void find_modes(const Blocks<Eight>& blocks, const Columns<Eight>& e, const Columns<Eight>& u, const Columns<Eight>& v,
                 Modes<cols>* modes) {
-    Eight eigenvalues[3] = {blocks.same.diagonal[0], blocks.same.diagonal[1], blocks.same.diagonal[2]};
-    Columns<Eight> sorted = e;
-    for (int step = 0, k = 0; step < 3; ++step, k = 1 - k) {
-        const auto swapped = less(eigenvalues[k + 1], eigenvalues[k]);
-        const Eight smaller = select(swapped, eigenvalues[k + 1], eigenvalues[k]);
-        eigenvalues[k + 1] = select(swapped, eigenvalues[k], eigenvalues[k + 1]);
-        eigenvalues[k] = smaller;
-        const Vector<Eight> first = choose<Eight>(swapped, sorted.c[k + 1], sorted.c[k]);
-        sorted.c[k + 1] = choose<Eight>(swapped, sorted.c[k], sorted.c[k + 1]);
-        sorted.c[k] = first;
-    }
-    for (int k = 0; k < 3; ++k)
-        modes->add(eigenvalues[k], 1, [&] {
-            const auto& [a, b, c] = sorted.c[k].at;
+#pragma GCC unroll 3
+    for (int k = cols - 1; k >= 0; --k)
+        modes->add(blocks.same.diagonal[k], 1, [&] {
+            const auto& [a, b, c] = e.c[k].at;
             const Matrix<cols> two = outer<cols>(u.c[0] * a, v.c[0]) + outer<cols>(u.c[1] * b, v.c[1]);
             return cols == 3 ? two + outer<cols>(u.c[2] * c, v.c[2]) : two;
         });
+#pragma GCC unroll 3
     for (int i = 0; i < cols; ++i) {
+#pragma GCC unroll 3
         for (int j = i + 1; j < cols; ++j) {
             const Eight alike = blocks.alike[3 - i - j], across = blocks.across[3 - i - j];
             // A flip where `across` is negative, else a twist; and the other.
@@ -202,6 +209,7 @@ void add_modes(const Modes<cols>& modes, double* h) {
 #pragma GCC unroll 9
     for (int r = 0; r < n; ++r) {
         Eight row[n];
+#pragma GCC unroll 9
         for (int s = r; s < n; ++s) row[s] = Eight{};
         for (int k = 0; k < modes.count; ++k) {
             const Eight* const mode = modes.mode[k].at;
@@ -210,7 +218,7 @@ void add_modes(const Modes<cols>& modes, double* h) {
             for (int s = r; s < n; ++s) row[s] = row[s] + scaled * mode[s];
         }
 #pragma GCC unroll 9
-        for (int s = r; s < n; ++s, h += kStride) {
+        for (int s = r; s < n; ++s, h += kCollected) {
             const Eight before = load_entry(h, 0);
             store_lanes(h, select(modes.lanes, before + row[s], before));
         }
@@ -234,17 +242,19 @@ inline V power_of_two(V v, int sign) {
 // their bits are set in `failed`.
 template <int cols>
 Columns<Sixteen> scaled_columns(const double* deformations, unsigned* failed) {
-    Sixteen entries[3 * cols], largest = {};
-    auto finite = less(largest, constant<Sixteen>(1));
+    Sixteen entries[3 * cols], sum = {};
+#pragma GCC unroll 9
     for (int k = 0; k < 3 * cols; ++k) {
-        load_lanes(deformations + k * kStride, &entries[k]);
-        finite = finite & less(magnitude(entries[k]), constant<Sixteen>(INFINITY));
-        largest = maximum(magnitude(entries[k]), largest);
+        load_lanes(deformations + k * kCollected, &entries[k]);
+        sum = sum + magnitude(entries[k]);
     }
+    const auto finite = less(sum, constant<Sixteen>(INFINITY));
     *failed = bits_of(finite) ^ 0xffffu;
-    const Sixteen scale = power_of_two(largest, -1);
+    const Sixteen scale = power_of_two(sum, -1);
     Columns<Sixteen> f = {};
+#pragma GCC unroll 3
     for (int r = 0; r < 3; ++r)
+#pragma GCC unroll 3
         for (int c = 0; c < cols; ++c) f.c[c].at[r] = select(finite, entries[r * cols + c] * scale, Sixteen{});
     return f;
 }
@@ -252,7 +262,9 @@ Columns<Sixteen> scaled_columns(const double* deformations, unsigned* failed) {
 inline Eight half(const Sixteen& v, int k) { return k == 0 ? v.first : v.second; }
 inline Columns<Eight> half(const Columns<Sixteen>& from, int k) {
     Columns<Eight> to;
+#pragma GCC unroll 3
     for (int c = 0; c < 3; ++c)
+#pragma GCC unroll 3
         for (int r = 0; r < 3; ++r) to.c[c].at[r] = half(from.c[c].at[r], k);
     return to;
 }
@@ -273,25 +285,29 @@ NegativePart project_collected(const Collected& collected, const Columns<Sixteen
     Columns<Sixteen> u, v, e;
     unsigned failed = singular_frames<cols>(f, u, v);
 
-    Blocks<Eight> blocks[2] = {};
+    Blocks<Eight> blocks[2];
+    if (packs == 1) blocks[1] = {};
     for (int k = 0; k < packs; ++k)
         blocks[k] = blocks_of<cols>(collected.matrices + k * kLanes, half(u, k), half(v, k));
     Sixteen size;
     load_lanes(collected.sizes, &size);
     const Sixteen down = power_of_two(size, -1), up = power_of_two(size, 1);
     Symmetric<Sixteen> same;
+#pragma GCC unroll 3
     for (int i = 0; i < 3; ++i) {
         same.diagonal[i] = pair(blocks[0].same.diagonal[i], blocks[1].same.diagonal[i]) * down;
         same.opposite[i] = pair(blocks[0].same.opposite[i], blocks[1].same.opposite[i]) * down;
     }
-    failed |= diagonalise(same, e);
+    failed |= diagonalise<cols>(same, e);
 
     NegativePart result = {0, failed};
     for (int k = 0; k < packs; ++k) {
         double* const h = collected.matrices + k * kLanes;
+#pragma GCC unroll 3
         for (int i = 0; i < 3; ++i) blocks[k].same.diagonal[i] = half(same.diagonal[i] * up, k);
         Eight trace = {};
-        for (int i = 0, at = 0; i < width; at += width - i, ++i) trace = trace + magnitude(load_entry(h, at));
+#pragma GCC unroll 9
+        for (int i = 0; i < width; ++i) trace = trace + magnitude(load_entry(h, entry_at<cols>(i, i)));
         const auto changed = less(smallest_eigenvalue(blocks[k]), trace * -kProjectionShift);
         const unsigned bits = bits_of(changed);
         result.changed |= bits << (k * kLanes);
@@ -312,16 +328,16 @@ __attribute__((noinline)) NegativePart project_with_some_general(const Collected
                                                                  int packs, bool flip, unsigned out_of_range) {
     constexpr int width = 3 * cols, entries = width * (width + 1) / 2;
     const size_t scratch = static_cast<size_t>(negative_part_scratch(width)) * sizeof(double);
-    alignas(64) double whole[entries * kStride];
+    alignas(64) double whole[entries * kCollected];
     memcpy(whole, collected.matrices, sizeof(whole));
     NegativePart general;
-    remove_negative_part(whole, kStride, collected.sizes, width, packs, flip,
+    remove_negative_part(whole, kCollected, collected.sizes, width, packs, flip,
                          static_cast<double*>(__builtin_alloca_with_align(scratch, 8 * sizeof(d8))), &general);
     const NegativePart isotropic = project_collected<cols>(collected, f, packs, flip);
     const unsigned failed = isotropic.unfinished | out_of_range;
     for (int lane = 0; lane < kCollected; ++lane)
         for (int i = 0; i < entries && failed >> lane & 1; ++i)
-            collected.matrices[i * kStride + lane] = whole[i * kStride + lane];
+            collected.matrices[i * kCollected + lane] = whole[i * kCollected + lane];
     return {(isotropic.changed & ~failed) | (general.changed & failed), general.unfinished & failed};
 }
 
@@ -329,7 +345,7 @@ template <int cols>
 long project(double* packed, const double* deformation, long lanes, Mode mode) {
     constexpr int width = 3 * cols;
     const Packs packs = {packed, deformation, width, width, lanes};
-    alignas(64) double memory[(width * (width + 1) / 2 + 1 + width) * kStride];
+    alignas(64) double memory[(width * (width + 1) / 2 + 1 + width) * kCollected];
     return project_failing<width>(packs, memory, mode == kLeave, [mode](const Collected& collected, int count) {
         const bool flip = mode == kAbsolute;
         unsigned general;

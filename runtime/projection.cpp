@@ -13,8 +13,8 @@ long project(const Packs& packs, Mode mode, double* memory) {
     double* const scratch = memory + collected_size(packs);
     const auto decompose = [&](const Collected& collected, int count) {
         NegativePart result;
-        remove_negative_part(collected.matrices, kStride, collected.sizes, packs.n, count, mode == kAbsolute, scratch,
-                             &result);
+        remove_negative_part(collected.matrices, kCollected, collected.sizes, packs.n, count, mode == kAbsolute,
+                             scratch, &result);
         return result;
     };
     switch (packs.n) {

@@ -115,6 +115,22 @@ inline V square_root(V v) {
         },
         v);
 }
+// 1 / sqrt(v) of normal numbers above zero, to two units in the last place.
+template <class V>
+inline V inverse_root(V v) {
+#if defined(__AVX512F__)
+    // A first guess right to 2^-14, and the series of 1 / sqrt(1 - error) for what it misses.
+    return each(
+        [](Register x) {
+            const Register guess = __builtin_ia32_rsqrt14pd512_mask(x, x, static_cast<unsigned char>(255));
+            const Register error = 1.0 - (x * guess) * guess;
+            return guess + (guess * error) * (0.5 + error * (0.375 + error * 0.3125));
+        },
+        v);
+#else
+    return inverse(square_root(v));
+#endif
+}
 inline long largest_of(RegisterMask v) {
     long largest = v[0];
     for (int lane = 1; lane < kRegisterLanes; ++lane) largest = v[lane] > largest ? v[lane] : largest;
@@ -124,24 +140,28 @@ template <class M>
 inline long largest_of(Pair<M> v) {
     return largest_of(each([](RegisterMask a, RegisterMask b) { return a > b ? a : b; }, v.first, v.second));
 }
-inline bool any(RegisterMask mask) {
-    long found = 0;
-    for (int lane = 0; lane < kRegisterLanes; ++lane) found |= mask[lane];
-    return found != 0;
-}
-template <class M>
-inline bool any(Pair<M> mask) {
-    return any(each([](RegisterMask a, RegisterMask b) { return a | b; }, mask.first, mask.second));
-}
 // One bit a lane.
 inline unsigned bits_of(RegisterMask mask) {
+#if defined(__AVX512DQ__)
+    typedef long long Quads __attribute__((vector_size(64)));
+    return static_cast<unsigned char>(__builtin_ia32_cvtq2mask512(reinterpret_cast<Quads>(mask)));
+#elif defined(__AVX__) && !defined(__AVX512F__)
+    return static_cast<unsigned>(__builtin_ia32_movmskpd256(reinterpret_cast<Register>(mask)));
+#elif defined(__SSE2__) && !defined(__AVX__)
+    return static_cast<unsigned>(__builtin_ia32_movmskpd(reinterpret_cast<Register>(mask)));
+#else
     unsigned bits = 0;
     for (int lane = 0; lane < kRegisterLanes; ++lane) bits |= static_cast<unsigned>(mask[lane] & 1) << lane;
     return bits;
+#endif
 }
 template <class M>
 inline unsigned bits_of(Pair<M> mask) {
     return bits_of(mask.first) | bits_of(mask.second) << (sizeof(M) / 8);
+}
+template <class M>
+inline bool any(M mask) {
+    return bits_of(mask) != 0;
 }
 inline void load_lanes(const double* from, Register* to) { *to = *reinterpret_cast<const Register*>(from); }
 template <class T>

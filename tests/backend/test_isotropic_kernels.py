@@ -11,7 +11,7 @@ import pytest
 from mat_bodies import relative_error
 
 from yasps import Attribute, Scene, identity
-from yasps.frontend import compiled_scene, materials
+from yasps.frontend import materials, scene_source
 from yasps.frontend.cpu_scene import CpuScene
 from yasps.frontend.errors import NotFiniteError
 from yasps.passes.pipeline import run_pipeline
@@ -101,7 +101,7 @@ def test_with_and_without_the_proof(monkeypatch: pytest.MonkeyPatch, tmp_path: P
     """The same Hessian to rounding, by another function of the runtime."""
     hessians, codes = [], []
     for name, without in (("with", ()), ("without", ("prove-isotropy",))):
-        monkeypatch.setattr(compiled_scene, "run_pipeline", functools.partial(run_pipeline, without=without))
+        monkeypatch.setattr(scene_source, "run_pipeline", functools.partial(run_pipeline, without=without))
         scene = elements(stable, 50, 0.6)
         monkeypatch.setenv("YASPS_DUMP_IR", str(tmp_path / name))  # and lower it now, code is not taken from the cache
         compiled = scene.compile()

@@ -117,6 +117,18 @@ def outer_products(rng: np.random.Generator, cols: int) -> Array:
     return np.round(rng.uniform(-3, 3, (COUNT, 3, 1))) * np.round(rng.uniform(-3, 3, (COUNT, 1, cols)))
 
 
+def evenly_spaced(rng: np.random.Generator, cols: int) -> Array:
+    """F^T F has the eigenvalues 0, 2 and 4 exactly, of which neither end is farther from the others."""
+    f = np.array([[0.0, -1.0, 1.0], [0.0, 1.0, -1.0], [0.0, 1.0, 1.0]])
+    left, right = _signed_permutations(rng, 3), _signed_permutations(rng, 3)
+    return np.asarray((left @ f @ right)[:, :, :cols])
+
+
+def _signed_permutations(rng: np.random.Generator, size: int) -> Array:
+    order = rng.permuted(np.tile(np.arange(size), (COUNT, 1)), axis=1)
+    return np.asarray(np.eye(size)[order] * rng.choice([-1.0, 1.0], (COUNT, 1, size)))
+
+
 KINDS: dict[str, Kind] = {
     "random": lambda rng, cols: rng.standard_normal((COUNT, 3, cols)),
     "near rest": lambda rng, cols: np.eye(3)[:, :cols] + 1e-3 * rng.standard_normal((COUNT, 3, cols)),
@@ -132,6 +144,9 @@ KINDS: dict[str, Kind] = {
     "inverted": with_singular_values(1.5, 0.8, -0.3),
     "flat": with_singular_values(1.0, 0.7, 0.0),
     "a line": with_singular_values(1.0, 0.0, 0.0),
+    "evenly spaced": evenly_spaced,
+    "thin": with_singular_values(1.0, 0.03, 0.02),
+    "tiny pair": with_singular_values(2.0, 1e-8, -1e-8),
     "graded": with_singular_values(1.0, 1e-6, 1e-12),
     "steeply graded": with_singular_values(1.0, 1e-15, -1e-17),
 }

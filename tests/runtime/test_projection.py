@@ -257,6 +257,24 @@ def test_not_finite_is_reported_among_matrices_that_fail(runtime: Runtime, mode:
         assert runtime.project(pack(spoilt), 60, mode) == -(1 + lane)
 
 
+@pytest.mark.parametrize("bad", [np.nan, np.inf, -np.inf])
+@pytest.mark.parametrize("mode", list(Projection))
+def test_not_finite_is_reported_at_every_entry(runtime: Runtime, bad: float, mode: Projection) -> None:
+    for row, col in zip(*np.triu_indices(6), strict=True):
+        matrices = np.tile(np.eye(6), (11, 1, 1))
+        matrices[9, row, col] = matrices[9, col, row] = bad
+        assert runtime.project(pack(matrices), 11, mode) == -(1 + 9)
+
+
+@pytest.mark.parametrize("scale", [1e-305, 1e-200, 1e-100, 1.0, 1e100, 1e300])
+def test_without_a_diagonal_of_any_size(runtime: Runtime, scale: float) -> None:
+    """The shift of the check is a share of the trace, which is nothing here."""
+    matrices = zero_diagonal(np.random.default_rng(9), 16, 9)
+    packed = pack(matrices * scale)
+    assert runtime.project(packed, 16) == 16
+    np.testing.assert_allclose(unpack(packed, 16) / scale, reference(matrices, Projection.CLAMP), rtol=0, atol=1e-12)
+
+
 def test_entries_whose_sum_overflows_are_finite(runtime: Runtime) -> None:
     matrices = np.tile(np.full((6, 6), 1.5e308), (8, 1, 1))
     matrices[1:] *= np.array([1, -1] * 3)[:, None] * np.array([1, -1] * 3)
