@@ -45,7 +45,7 @@ def derivative_body(text: CppObjectText, derivative: DerivativeOp) -> list[str]:
     elif entries:
         scatter = scatter_hessian(text, slots, n, capacity, "middle")
     if scatter:
-        lines += ["if (sink->blocks) {", *indented(scatter), "}"]
+        lines += ["if (sink->tiles) {", *indented(scatter), "}"]
     lines += scatter_gradient(text, slots, capacity)
     return [
         "for (long first = begin; first < end; first += 8) {",
@@ -99,7 +99,7 @@ def _in_batches(
     packs = max(1, min(MOST_PACKS, LARGEST_STACK // bytes_of_pack))
     width = project.width.value.data
     isotropic = project.deformation is not None
-    scatter = [f"prefetch_blocks(sink, first, {capacity * (capacity + 1) // 2}, lanes);"]
+    scatter: list[str] = []
     packed = "middle"
     if isinstance(pull_back, ApplyOp):
         scatter += [f"V hessian[{shape_of(terminator.hessian)[0]}];", text.call(pull_back, names, ["hessian"], "V")]
@@ -117,8 +117,10 @@ def _in_batches(
         f"V middle_of[{packs}][{entries}];",
         *([f"V deformation_of[{packs}][{width}];"] if isotropic else []),
         *(f"V {name}_of[{packs}][{sizes[name]}];" for name in sorted(kept)),
-        f"for (long start = begin; start < end; start += {8 * packs}) {{",
-        f"    const long stop = end - start < {8 * packs} ? end : start + {8 * packs};",
+        # Where nothing is projected, one pack at a time: what it needs stays in the first-level cache.
+        f"const long most = sink->mode == 2 ? 8 : {8 * packs};",
+        "for (long start = begin; start < end; start += most) {",
+        "    const long stop = end - start < most ? end : start + most;",
         f"    {each_pack}",
         *indented(
             indented(
@@ -133,7 +135,7 @@ def _in_batches(
         ),
         *indented(indented(scatter_gradient(text, slots, capacity))),
         "    }",
-        "    if (!sink->blocks) continue;",
+        "    if (!sink->tiles) continue;",
         f"    const long changed = sink->{entry}, {width}, (int)(stop - start), sink->mode);",
         "    if (changed < 0) return start - changed - 1;",
         "    *sink->projected += changed;",

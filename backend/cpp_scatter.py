@@ -82,8 +82,7 @@ def _add_packs(
             f"    static const short entry[] = {{{', '.join(map(str, entries))}}};",
             f"    static const short place[] = {{{', '.join(map(str, places))}}};",
             f"    const long* const position = sink->position + first * {stride};",
-            f"    add_packs_{rows}x{cols}(sink->blocks, position, {stride}, lanes, "
-            f"{packed}, entry, place, {len(same)});",
+            f"    add_packs_{rows}x{cols}(sink, position, {stride}, lanes, {packed}, entry, place, {len(same)});",
             "}",
         ]
     return lines
@@ -94,7 +93,7 @@ def _add_packs_of_shape(rows: int, cols: int) -> str:
     size = rows * cols
     vectors = -(-size // 8)
     return f"""\
-static void add_packs_{rows}x{cols}(double* blocks, const long* position, long stride, long lanes, const V* h,
+static void add_packs_{rows}x{cols}(const yasps_sink* sink, const long* position, long stride, long lanes, const V* h,
                                     const short* at, const short* place, long pairs) {{
     V block[8 * {vectors}];
     for (long p = 0; p < pairs; ++p, at += {size}) {{
@@ -108,7 +107,7 @@ static void add_packs_{rows}x{cols}(double* blocks, const long* position, long s
             for (long l = 0; l < 8; ++l) ((double*)(block + {vectors} * l))[k] = h[at[k]][l];
         for (long l = 0; l < lanes; ++l) {{
             const double* const b = (const double*)(block + {vectors} * l);
-            add_block(blocks, position[l * stride + place[p]], b, {rows}, {cols});
+            add_block(sink, position[l * stride + place[p]], b, {rows}, {cols});
         }}
     }}
 }}

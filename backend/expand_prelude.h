@@ -45,7 +45,7 @@ static void add_expanded(const yasps_sink* sink, const int* kappa, const long* p
             const long cols = sink->block_size_at[kappa[q] - 1];
             if (q >= p) {
                 const long where = position[p * capacity - p * (p - 1) / 2 + q - p];
-                double* const to = sink->blocks + (where >> 2);
+                double* const to = block_at(sink, where >> 2);
                 if (where & 2) {  // two leaves are the same unknowns
                     for (long r = 0; r < rows; ++r)
                         for (long c = 0; c < cols; ++c) to[r * cols + c] += b[c * across + r] + b[r * across + c];

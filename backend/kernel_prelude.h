@@ -5,7 +5,7 @@ typedef double V_unaligned __attribute__((vector_size(64), aligned(8), may_alias
 // Layout shared with runtime/runtime.h.
 struct yasps_sink {
     double* gradient;
-    double* blocks;
+    double** tiles;
     const int* kappa;
     const long* position;
     const int* block_size_at;
@@ -13,7 +13,17 @@ struct yasps_sink {
     int mode;
     long* projected;
     long (*project_isotropic)(double* packed, const double* deformation, int width, int lanes, int mode);
+    double* (*open_tile)(const yasps_sink* sink, long tile);
 };
+enum { TILE_BITS = 9 };
+
+// The block at this offset of HessianBlocks. Who first asks for one of its tile empties the whole tile: memory is then
+// written as it comes, and additions find it in the cache.
+static inline double* block_at(const yasps_sink* sink, long offset) {
+    double* tile = sink->tiles[offset >> TILE_BITS];
+    if (__builtin_expect(!tile, 0)) tile = sink->open_tile(sink, offset >> TILE_BITS);
+    return tile + (offset & ((1L << TILE_BITS) - 1));
+}
 
 typedef const void* const* Arguments;
 
@@ -78,6 +88,23 @@ static inline void connected_offsets(const int* indices, long arity, long lanes,
     }
 }
 
+// The first two numbers at p + at[l] of the instances l of a pack: pairs are loaded, and only then taken apart.
+static inline void gather_two(const double* p, const long* at, V* to) {
+    typedef double Pair __attribute__((vector_size(16)));
+    typedef double Pair_unaligned __attribute__((vector_size(16), aligned(8), may_alias));
+    Pair pair[8];
+#pragma GCC unroll 8
+    for (long l = 0; l < 8; ++l) pair[l] = *(const Pair_unaligned*)(p + at[l]);
+    const auto even_low = __builtin_shufflevector(pair[0], pair[2], 0, 1, 2, 3);
+    const auto even_high = __builtin_shufflevector(pair[4], pair[6], 0, 1, 2, 3);
+    const auto odd_low = __builtin_shufflevector(pair[1], pair[3], 0, 1, 2, 3);
+    const auto odd_high = __builtin_shufflevector(pair[5], pair[7], 0, 1, 2, 3);
+    const V even = __builtin_shufflevector(even_low, even_high, 0, 1, 2, 3, 4, 5, 6, 7);
+    const V odd = hidden(__builtin_shufflevector(odd_low, odd_high, 0, 1, 2, 3, 4, 5, 6, 7));
+    to[0] = __builtin_shufflevector(even, odd, 0, 8, 2, 10, 4, 12, 6, 14);
+    to[1] = __builtin_shufflevector(even, odd, 1, 9, 3, 11, 5, 13, 7, 15);
+}
+
 // The n numbers at p + at[l] of the instances l of a pack.
 static inline void gather(const double* p, const long* at, long n, V* to) {
     long k = 0;
@@ -86,6 +113,7 @@ static inline void gather(const double* p, const long* at, long n, V* to) {
         for (long l = 0; l < 8; ++l) to[k + l] = *(const V_unaligned*)(p + at[l] + k);
         transpose(to + k);
     }
+    for (; k + 2 <= n; k += 2) gather_two(p + k, at, to + k);
     for (; k < n; ++k) {
         const double* const q = p + k;
         to[k] = V{q[at[0]], q[at[1]], q[at[2]], q[at[3]], q[at[4]], q[at[5]], q[at[6]], q[at[7]]};
@@ -112,16 +140,6 @@ static inline bool any_not_finite(V zeros) {
     return !(zeros[0] + zeros[1] == 0.0);
 }
 
-// Asks for the memory of a pack's blocks, `pairs` for each instance, while their values are still being computed.
-static inline void prefetch_blocks(const yasps_sink* sink, long first, long pairs, long lanes) {
-    const long* const position = sink->position + first * pairs;
-    for (long k = 0; k < pairs * lanes; ++k) {
-        const double* const at = sink->blocks + (position[k] >> 2);
-        __builtin_prefetch(at, 1);
-        __builtin_prefetch(at + 8, 1);
-    }
-}
-
 // Adds n entries of lane l.
 static inline void add_gradient(double* to, const V* from, long l, long n) {
 #pragma GCC unroll 4
@@ -129,9 +147,9 @@ static inline void add_gradient(double* to, const V* from, long l, long n) {
 }
 
 // Adds a rows x cols block to its place in HessianBlocks; see PositionInData in the runtime.
-static inline void add_block(double* blocks, long position, const double* b, long rows, long cols) {
+static inline void add_block(const yasps_sink* sink, long position, const double* b, long rows, long cols) {
     if (position < 0) return;
-    double* const to = blocks + (position >> 2);
+    double* const to = block_at(sink, position >> 2);
     if (position & 2) {  // two slots of one instance are the same unknowns
         for (long r = 0; r < rows; ++r)
             for (long c = 0; c < cols; ++c) to[r * cols + c] += b[r * cols + c] + b[c * cols + r];

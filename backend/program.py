@@ -50,16 +50,22 @@ class Program:
         self.log.append(CompiledModule("link", linked.seconds, linked.cached, 0))
         self._library = ctypes.CDLL(str(linked.path))
         self._arguments = {name: (ctypes.c_void_p * max(1, len(c.bindings)))() for name, c in self.codes.items()}
-
-    def bind(self, address_of: Callable[[Binding], int]) -> None:
-        """Points all objects to the scene's arrays; again whenever an array has moved."""
-        for name, code in self.codes.items():
+        reads: dict[Binding, int] = {}  # many objects read the same
+        self._entries: list[tuple[ctypes.Array[ctypes.c_void_p], int, int]] = []
+        for name, emitted in self.codes.items():
             array = self._arguments[name]
-            for k, binding in enumerate(code.bindings):
+            for k, binding in enumerate(emitted.bindings):
                 if binding.kind == "arguments":
                     array[k] = ctypes.addressof(self._arguments[binding.name])
                 else:
-                    array[k] = address_of(binding)
+                    self._entries.append((array, k, reads.setdefault(binding, len(reads))))
+        self._reads = list(reads)
+
+    def bind(self, address_of: Callable[[Binding], int]) -> None:
+        """Points all objects to the scene's arrays; again whenever an array has moved."""
+        addresses = [address_of(binding) for binding in self._reads]
+        for array, k, read in self._entries:
+            array[k] = addresses[read]
 
     def point(self, name: str, binding: Binding, address: int) -> None:
         """Points one object elsewhere, until the next `bind`."""

@@ -1,12 +1,23 @@
 // Added to the prelude of kernels that write blocks of targets. Entries lie instance by instance in a block but pack by
 // pack in registers, so eight entries of eight instances are transposed at a time.
 enum { MOST_PAIRS = 16 };
+// The first eight entries of a 3x3 block, or of its transpose. Which is anyone's guess, so no branch where a shuffle
+// can read its pattern.
+static inline V turned_if(long turn, V a) {
+#ifdef __AVX512F__
+    typedef long Pattern __attribute__((vector_size(64)));
+    static const Pattern pattern[2] = {{0, 1, 2, 3, 4, 5, 6, 7}, {0, 3, 6, 1, 4, 7, 2, 5}};
+    return __builtin_shuffle(a, pattern[turn]);
+#else
+    return turn ? __builtin_shufflevector(a, a, 0, 3, 6, 1, 4, 7, 2, 5) : a;
+#endif
+}
 // Adds 3x3 blocks of each instance of a pack, `pairs` of them: at[9 p + 3 r + c] says which of h is entry (r, c) of
 // block p, and position[l * stride + place[p]] where the block of instance l goes. One instance after the other,
 // because neighbours often share a block, and adding twice in a row to one place waits for the first addition to be
 // stored.
-static void add_packs_3x3(double* blocks, const long* position, long stride, long lanes, const V* h, const short* at,
-                          const short* place, long pairs) {
+static void add_packs_3x3(const yasps_sink* sink, const long* position, long stride, long lanes, const V* h,
+                          const short* at, const short* place, long pairs) {
     V block[8 * MOST_PAIRS], corner[MOST_PAIRS];
     for (long begin = 0; begin < pairs; begin += MOST_PAIRS, at += 9 * MOST_PAIRS, place += MOST_PAIRS) {
         const long count = pairs - begin < MOST_PAIRS ? pairs - begin : MOST_PAIRS;
@@ -23,13 +34,12 @@ static void add_packs_3x3(double* blocks, const long* position, long stride, lon
             for (long p = 0; p < count; ++p) {
                 const long where = position[l * stride + place[p]];
                 if (where < 0) continue;
-                double* const to = blocks + (where >> 2);
+                double* const to = block_at(sink, where >> 2);
                 const V same = block[l * MOST_PAIRS + p];
-                const V turned = __builtin_shufflevector(same, same, 0, 3, 6, 1, 4, 7, 2, 5);
-                V sum = where & 1 ? turned : same;
+                V sum = turned_if(where & 1, same);
                 double last = corner[p][l];
-                if (where & 2) {  // two slots of one instance are the same unknowns
-                    sum = same + turned;
+                if (__builtin_expect(where & 2, 0)) {  // two slots of one instance are the same unknowns
+                    sum = same + turned_if(1, same);
                     last += last;
                 }
                 *(V_unaligned*)to += sum;

@@ -55,7 +55,7 @@ extern "C" long add_given(const void* const* args, long begin, long end, const y
         for (long pair = 0; pair < 10; ++pair) {
             const double* const block = hessians + 90 * i + 9 * pair;
             const long position = sink->position[10 * i + pair];
-            double* const to = sink->blocks + (position >> 2);
+            double* const to = block_at(sink, position >> 2);
             if (position & 1) {
                 for (long r = 0; r < 3; ++r)
                     for (long c = 0; c < 3; ++c) to[3 * c + r] += block[3 * r + c];

@@ -14,11 +14,18 @@ from benchmarks.bandwidth import memory_bandwidth
 from benchmarks.measure import Row
 from benchmarks.opcounts import operations
 from yasps.frontend.attribute import Stored
+from yasps.frontend.compiled_scene import CompiledScene
 from yasps.frontend.cpu_scene import CpuScene
 from yasps.runtime.assembly import Assembler, KernelCall
 from yasps.runtime.toolchain import Compiler
 
 UNIT = "ns/element"
+
+
+def on_cpu(compiled: CompiledScene) -> CpuScene:
+    """What was made without a device."""
+    assert isinstance(compiled, CpuScene)
+    return compiled
 
 
 def projected_share(compiled: CpuScene) -> float:

@@ -247,7 +247,7 @@ class Attribute:
             self._node.version += 1
         else:
             self._node.array = shaped.copy()
-            self._owner.scene.arrays_moved()
+            self._owner.scene.arrays_moved(self._owner)
         self._owner.set_num_instances(count)
 
     def compute(self) -> ComputedValue:

@@ -22,7 +22,7 @@ from yasps.frontend.emit import EnergyTerm
 from yasps.frontend.entity import Entity
 from yasps.frontend.errors import ConnectivityError, NotFiniteError
 from yasps.frontend.hessian import Hessian
-from yasps.frontend.primitive import Primitive, PrimitiveUnion
+from yasps.frontend.primitive import Primitive, PrimitiveBase, PrimitiveUnion
 from yasps.frontend.scene_source import SceneSource
 from yasps.runtime.block_matrix import BlockGroup
 from yasps.runtime.library import Projection
@@ -128,6 +128,8 @@ class CompiledScene(ABC):
         self._starts: dict[str, NDArray[np.int64]] = {}
         self._offsets: dict[str, NDArray[np.int64]] = {}
         self._terms = self._make_terms(energies)
+        self._owners = set(self.emitter.owners.values())
+        self._connected = set(self.emitter.connected.values())
         self._static_reads = _Reads([energy.attribute for energy in energies if not energy.dynamic])
         self._bound = False
         self._static_valid = False
@@ -216,12 +218,18 @@ class CompiledScene(ABC):
 
     # -- what changed --------------------------------------------------------------------------------------
 
-    def arrays_moved(self) -> None:
-        """The scene's arrays are new ones: pointers must be taken again."""
-        self._bound = False
+    def arrays_moved(self, owner: Entity) -> None:
+        """The owner's arrays are new ones: pointers must be taken again."""
+        if self._reads(owner):
+            self._bound = False
+
+    def _reads(self, owner: Entity) -> bool:
+        return not isinstance(owner, PrimitiveBase) or owner in self._owners
 
     def connectivity_changed(self, connectivity: Connectivity) -> None:
         """Indices changed: where derivatives go must be found again, for static energies only if they read them."""
+        if connectivity not in self._connected:
+            return
         self._bound = False
         self._dynamic_valid = False
         if connectivity in self._static_reads.connectivities:
@@ -229,6 +237,8 @@ class CompiledScene(ABC):
 
     def size_changed(self, owner: Entity) -> None:
         """A number of instances changed: of targets and of union members it moves all that comes after them."""
+        if not self._reads(owner):
+            return
         self._bound = False
         self._dynamic_valid = False
         if owner in self._static_reads.owners or any(target.owner is owner for target in self.targets):
@@ -261,11 +271,11 @@ class CompiledScene(ABC):
         start = 0
         for target in self.targets:
             assert isinstance(target.node, Stored)
-            self._starts[self.emitter.symbol_of(target)] = np.array([start], np.int64)
+            _set_if_new(self._starts, self.emitter.symbol_of(target), np.array([start], np.int64))
             start += target.node.array.size
         for symbol, owner in self.emitter.owners.items():
             if isinstance(owner, PrimitiveUnion):
-                self._offsets[symbol] = owner.offsets()
+                _set_if_new(self._offsets, symbol, owner.offsets())
         self._point()
         self._bound = True
 
@@ -323,3 +333,9 @@ class CompiledScene(ABC):
         """A vector of all unknowns as one flat array for each target."""
         sizes = [target.node.array.size for target in self.targets if isinstance(target.node, Stored)]
         return [part.copy() for part in np.split(stacked, np.cumsum(sizes)[:-1])]
+
+
+def _set_if_new(arrays: dict[str, NDArray[np.int64]], name: str, array: NDArray[np.int64]) -> None:
+    """Keeps the array that is there if it is equal: it need not be copied to a device again then."""
+    if name not in arrays or not np.array_equal(arrays[name], array):
+        arrays[name] = array

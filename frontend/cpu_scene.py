@@ -16,7 +16,7 @@ from yasps.backend.scene_view import SceneView
 from yasps.frontend.attribute import Attribute, FloatArray, Stored
 from yasps.frontend.compiled_scene import CompiledScene, Term
 from yasps.frontend.emit import EnergyTerm
-from yasps.frontend.instance_order import OrderedReads, own_reads
+from yasps.frontend.instance_order import OrderedReads, own_reads, rows_of
 from yasps.frontend.primitive import Primitive
 from yasps.runtime.assembly import Assembler, KernelCall, evaluate
 from yasps.runtime.block_matrix import BlockGroup, BlockMatrix
@@ -139,10 +139,13 @@ class CpuScene(CompiledScene):
         if order is None or reads is None:
             return
         ordered = OrderedReads(self.program, term.derivative, order, *reads)
-        self.placements[term.symbol] = Placement(placement.kappas[order], placement.positions[order], ordered)
+        self.placements[term.symbol] = Placement(
+            rows_of(placement.kappas, order), rows_of(placement.positions, order), ordered
+        )
 
     def assemble(self, *, hessian: bool = True, project: bool = True) -> FloatArray:
-        """Gradient of all targets, end to end; fills `static_matrix` and `dynamic_matrix` (their sum is the Hessian).
+        """Gradient of all targets, end to end; with `hessian` fills `static_matrix` and `dynamic_matrix`, whose sum is
+        the Hessian, else they stay as they are.
 
         Raises NotFiniteError that names the energy and the instance.
         """
@@ -167,7 +170,7 @@ class CpuScene(CompiledScene):
                 )
             )
             terms.append(term)
-        parts = [self.static_matrix, self.dynamic_matrix]
+        parts = [self.static_matrix, self.dynamic_matrix] if hessian else []
         statuses = self._assembler.assemble(calls, parts, gradient, self.static_matrix.block_size_at)
         for term, status in zip(terms, statuses, strict=True):
             if status.first_bad is not None:

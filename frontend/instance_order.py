@@ -7,6 +7,7 @@ to numbers and indices of its own primitive lead to copies of them in that order
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,6 +18,15 @@ from yasps.frontend.attribute import Attribute, Stored
 from yasps.frontend.connectivity import Connectivity
 from yasps.frontend.emit import SceneEmitter
 from yasps.frontend.primitive import Primitive
+
+Number = TypeVar("Number", np.float64, np.int32, np.int64)
+
+
+def rows_of(array: NDArray[Number], order: NDArray[np.int64]) -> NDArray[Number]:
+    """A copy of the array with row order[k] as the k-th; several times faster than `array[order]`."""
+    copy = np.empty_like(array)
+    np.take(array, order, axis=0, out=copy, mode="clip")
+    return copy
 
 
 class OrderedReads:
@@ -35,9 +45,9 @@ class OrderedReads:
         self._program = program
         self._derivative = derivative
         self._numbers = numbers
-        self._copies = {binding: stored.array[order] for binding, stored in numbers.items()}
+        self._copies = {binding: rows_of(stored.array, order) for binding, stored in numbers.items()}
         self._versions = {binding: (stored.array, stored.version) for binding, stored in numbers.items()}
-        self._indices = {binding: np.ascontiguousarray(c.indices[order]) for binding, c in indices.items()}
+        self._indices = {binding: rows_of(c.indices, order) for binding, c in indices.items()}
         self.point()
 
     def point(self) -> None:
@@ -50,7 +60,7 @@ class OrderedReads:
         for binding, stored in self._numbers.items():
             array, version = self._versions[binding]
             if array is not stored.array or version != stored.version:
-                np.take(stored.array, self.order, axis=0, out=self._copies[binding])
+                np.take(stored.array, self.order, axis=0, out=self._copies[binding], mode="clip")
                 self._versions[binding] = (stored.array, stored.version)
 
 

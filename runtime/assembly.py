@@ -13,8 +13,10 @@ from numpy.typing import NDArray
 from yasps.runtime.block_matrix import BlockMatrix
 from yasps.runtime.library import FloatArray, IntArray, LongArray, Projection, Runtime, check_status, piece_count
 
-# Doubles of gradient or matrix that are added up together; as in assembly.cpp.
+# Doubles of gradient or matrix in a tile, the unit in which pieces share memory; as in runtime.h.
 _TILE = 512
+# Fewer instances than this are evaluated before a second thread has woken up.
+_FEW = 2048
 # Each thread's work is spread over this many places, so that a region of expensive instances is shared.
 _CHUNKS_PER_PIECE = 4
 
@@ -73,9 +75,12 @@ class _Part(ctypes.Structure):
 
     _fields_ = [
         ("values", ctypes.c_void_p),
-        ("count", ctypes.c_long),
-        ("largest_block", ctypes.c_long),
+        ("structure", ctypes.c_void_p),
     ]
+
+
+def _c_part(part: BlockMatrix) -> _Part:
+    return _Part(part.values.ctypes.data, part.handle)
 
 
 @dataclass(frozen=True)
@@ -141,9 +146,7 @@ class Assembler:
         tasks = (_Task * len(calls))(
             *(_task_of(call, index, parts) for index, call in enumerate(calls)),
         )
-        c_parts = (_Part * len(parts))(
-            *(_Part(part.values.ctypes.data, part.values.size, part.largest_block) for part in parts)
-        )
+        c_parts = (_Part * len(parts))(*(_c_part(part) for part in parts))
         sizes = np.ascontiguousarray(block_size_at)
         count = self._runtime.thread_count(threads)
         pieces = piece_count(count, self._deterministic)
@@ -151,9 +154,9 @@ class Assembler:
         marks = []
         if pieces > 1:
             for index, (call, task) in enumerate(zip(calls, tasks, strict=True)):
-                c_part = c_parts[task.part] if task.part >= 0 else None
+                target = parts[task.part] if task.part >= 0 else None
                 cut = (pieces, chunks, size)
-                marks.append(self._marks_of(index, call, task, part=c_part, sizes=sizes, cut=cut, threads=count))
+                marks.append(self._marks_of(index, call, task, part=target, sizes=sizes, cut=cut, threads=count))
                 task.marks = marks[-1].tiles.ctypes.data
         self._marks = marks
         status = self._runtime.library.yasps_assemble(
@@ -178,7 +181,7 @@ class Assembler:
         call: KernelCall,
         task: _Task,
         *,
-        part: _Part | None,
+        part: BlockMatrix | None,
         sizes: IntArray,
         cut: tuple[int, int, int],
         threads: int,
@@ -188,7 +191,7 @@ class Assembler:
         cut: pieces, chunks, unknowns.
         """
         position = call.position if part is not None else None
-        part_size = part.count if part is not None else None
+        part_size = part.values.size if part is not None else None
         if index < len(self._marks):
             last = self._marks[index]
             if (
@@ -202,7 +205,7 @@ class Assembler:
         tiles = np.empty((pieces, -(-scalars // _TILE) + -(-(part_size or 0) // _TILE)), np.uint8)
         self._runtime.library.yasps_mark_tiles(
             ctypes.addressof(task),
-            ctypes.addressof(part) if part is not None else None,
+            ctypes.byref(_c_part(part)) if part is not None else None,
             scalars,
             sizes.ctypes.data,
             pieces,
@@ -226,7 +229,8 @@ def evaluate(
         raise ValueError("out must be a writeable C-contiguous float64 array, because the kernel writes it in place")
     if out.ndim < 1 or out.shape[0] != count:
         raise ValueError(f"out has shape {out.shape}, but the kernel runs over {count} instances")
-    runtime.library.yasps_evaluate(function, arguments, count, out.ctypes.data, runtime.thread_count(threads))
+    used = runtime.thread_count(threads) if count >= _FEW else 1
+    runtime.library.yasps_evaluate(function, arguments, count, out.ctypes.data, used)
 
 
 def _task_of(call: KernelCall, index: int, parts: Sequence[BlockMatrix]) -> _Task:

@@ -269,6 +269,15 @@ int build_structure(Structure& s, const Layout& layout, const Energies& energies
 
 }  // namespace
 
+void Structure::release_scratch() {
+    Layout nothing;
+    next_layout.swap(nothing);
+    for (Buffer<int>* buffer : {&active, &counts, &unique, &unique_count, &marker}) buffer->release();
+    for (Buffer<long>* buffer : {&bucket_start, &next_entry, &place}) buffer->release();
+    shares.release();
+    entries.release();
+}
+
 bool Layout::build(long targets, const long* boundaries, const int* block_sizes, const int* order) {
     scalars = boundaries[targets];
     blocks = 0, classes = 0, largest = 0;
@@ -351,7 +360,9 @@ int yasps_structure_build(yasps::Structure* s, long targets, const long* boundar
         first_source[e + 1] = first_source[e] + instances[e] * yasps::pairs_of(capacity[e]);
     const yasps::Energies energies = {energy_count, instances, capacity, kappa, position, first_source.data};
     const yasps::Layout& layout = fresh ? s->next_layout : s->layout;
-    return yasps::build_structure(*s, layout, energies, with_diagonal != 0, threads, where);
+    const int status = yasps::build_structure(*s, layout, energies, with_diagonal != 0, threads, where);
+    if (with_diagonal != 0) s->release_scratch();  // the static part: seldom built again
+    return status;
 }
 
 // sizes: scalars, dof blocks, global blocks, doubles in HessianBlocks, number of groups.

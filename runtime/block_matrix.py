@@ -20,6 +20,8 @@ _BAD_SLOT = 2
 _TOO_MANY_BLOCKS = 3
 # Padded vectors are indexed with 32-bit integers; padding makes a vector at most four times as long.
 _MOST_SCALARS = 2**29 - 1
+# Fewer instances than this, such as contacts, are sorted before a second thread has woken up.
+_FEW = 2048
 # The product reads whole vectors and so up to three doubles past the last block.
 _READ_AHEAD = 4
 
@@ -79,9 +81,8 @@ class BlockMatrix:
         self.block_size_at: IntArray = np.zeros(0, np.int32)
         #: float64, all blocks one after another, each row-major. A view: writing it changes the matrix.
         self.values: FloatArray = self._storage[:0]
-        #: How many blocks are stored, and doubles in the largest of them.
+        #: How many blocks are stored.
         self.block_count = 0
-        self.largest_block = 0
         self.build(self.boundaries, self.block_sizes, [])
 
     @property
@@ -187,7 +188,7 @@ class BlockMatrix:
             kappa_pointers,
             position_pointers,
             int(self._with_diagonal),
-            self._runtime.thread_count(threads),
+            self._runtime.thread_count(threads) if instances.sum() >= _FEW else 1,
             where.ctypes.data,
         )
         if status == _BAD_SLOT:
@@ -295,8 +296,6 @@ class BlockMatrix:
             self._storage[: needed + _READ_AHEAD] = 0.0
         self.values = self._storage[:needed]
         self.block_count = int(sizes[2])
-        table = self._group_table()
-        self.largest_block = int((table[:, 0] * table[:, 1]).max(initial=0))
         self._groups = None
 
     def _forget(self) -> None:

@@ -54,6 +54,10 @@ struct Buffer {
     // As reserve, and new memory is zero (the system need not provide it before it is written); memory that was
     // already there is left as it is.
     bool reserve_zero(long n) { return fits(n) || replace(n, calloc(bytes_of(n), 1)); }
+    void release() {
+        free(allocated);
+        data = nullptr, allocated = nullptr, capacity = 0;
+    }
     void swap(Buffer& other) {
         const auto exchange = [](auto& a, auto& b) {
             const auto before = a;
@@ -82,6 +86,16 @@ struct Range {
 };
 // Part t of n items cut into `parts` contiguous pieces.
 inline Range piece(long n, long t, long parts) { return {n * t / parts, n * (t + 1) / parts}; }
+
+// Instances a kernel evaluates at once.
+enum { kYaspsLanes = 8 };
+// Chunk c of `chunks` of instances; borders are multiples of the number of lanes.
+inline Range chunk_of(long instances, long c, long chunks) {
+    const long packs = (instances + kYaspsLanes - 1) / kYaspsLanes;
+    const Range range = piece(packs, c, chunks);
+    const long end = range.end * kYaspsLanes;
+    return {range.begin * kYaspsLanes, end < instances ? end : instances};
+}
 
 // Where the blocks of unknowns ("dof blocks") lie in the global vectors. Solver vectors are kept padded: every
 // block starts at a multiple of four doubles and the gaps hold zero, so that blocks load as aligned vectors.
@@ -144,13 +158,14 @@ struct Structure {
     Buffer<Run> runs;
     Buffer<long> diagonal;  // [layout.blocks]: offset of the diagonal block, or -1
 
-    // Scratch of the build, kept for the next one.
+    // Scratch of the build, kept for the next one if there soon is one.
     Layout next_layout;
     Buffer<int> active, counts, unique, unique_count, marker;
     Buffer<long> bucket_start, next_entry, place;
     Buffer<Share> shares;  // [active rows, classes]
     Buffer<Entry> entries;
     long active_rows = 0;  // rows with blocks; `active` lists them
+    void release_scratch();
 };
 
 // Adds to y what the stored blocks of some rows, and their transposes, contribute to H x. Everything is padded, rows
@@ -185,24 +200,25 @@ InversionStatus invert_diagonal(int parts, const Structure* const* structures, c
 
 extern "C" {
 
+// HessianBlocks are reached through tiles of so many doubles. A block belongs to the tile where it starts.
+enum { kYaspsTileBits = 9 };
+
 // What a generated energy kernel writes to; its layout is part of the interface to generated code.
 struct yasps_sink {
-    double* gradient;          // [scalars]
-    double* blocks;            // HessianBlocks, or null: gradient only
-    const int* kappa;          // [n, capacity], 1-based, 0 = no contribution
+    double* gradient;  // [scalars]
+    double** tiles;    // where each tile of HessianBlocks is, null if nobody has asked for it yet; null: gradient only
+    const int* kappa;  // [n, capacity], 1-based, 0 = no contribution
     const long* position;      // [n, capacity (capacity + 1) / 2]
     const int* block_size_at;  // [scalars]: size of the dof block that starts here
     long (*project)(double* packed, int width, int lanes, int mode);
     int mode;  // 0 = clamp, 1 = abs, 2 = leave
     long* projected;
     long (*project_isotropic)(double* packed, const double* deformation, int width, int lanes, int mode);
+    double* (*open_tile)(const yasps_sink* sink, long tile);  // empties a tile and says where it is
 };
 
 typedef long (*yasps_energy_kernel)(const void* const* args, long begin, long end, const yasps_sink* sink);
 typedef void (*yasps_value_kernel)(const void* const* args, long begin, long end, double* out);
-
-// Instances a kernel evaluates at once; chunk borders are multiples of it.
-enum { kYaspsLanes = 8 };
 
 long yasps_project(double* packed, int width, int lanes, int mode);
 long yasps_project_isotropic(double* packed, const double* deformation, int width, int lanes, int mode);

@@ -111,8 +111,8 @@ def test_targets_of_the_primitive_itself_keep_their_order() -> None:
     assert compiled.placements[compiled._terms[0].symbol].ordered is None
 
 
-def test_order_follows_the_first_block_that_counts() -> None:
-    count = FEWEST_BLOCKS
+@pytest.mark.parametrize("count", [FEWEST_BLOCKS, 70_000])  # the latter does not fit in 16 bits
+def test_order_follows_the_first_block_that_counts(count: int) -> None:
     kappa = np.column_stack([np.arange(count)[::-1] + 1, np.zeros(count)]).astype(np.int32)
     shuffled = np.random.default_rng(0).permutation(count)
     sizes = np.ones(count, np.int32)

@@ -19,8 +19,10 @@ from yasps.runtime.toolchain import Compiler, Source, compile_sources, link
 # L = w_a (j + 1). Instances with s < 0 are projected (then their Hessian is 0). A scale that is not finite is reported.
 KERNEL = """
 struct yasps_sink {
-    double* gradient; double* blocks; const int* kappa; const long* position; const int* block_size_at;
+    double* gradient; double** tiles; const int* kappa; const long* position; const int* block_size_at;
     long (*project)(double*, int, int, int); int mode; long* projected;
+    long (*project_isotropic)(double*, const double*, int, int, int);
+    double* (*open_tile)(const yasps_sink*, long);
 };
 extern "C" long energy(const void* const* args, long begin, long end, const yasps_sink* sink) {
     const double* x = (const double*)args[0];
@@ -42,7 +44,7 @@ extern "C" long energy(const void* const* args, long begin, long end, const yasp
             const int o = kappa[a] - 1;
             for (int j = 0; j < sink->block_size_at[o]; ++j) sink->gradient[o + j] += s * f * (a + 1) * (j + 1);
         }
-        if (!sink->blocks) continue;
+        if (!sink->tiles) continue;
         double packed[8] = {s, 0, 0, 0, 0, 0, 0, 0};
         const long changed = sink->project(packed, 1, 1, sink->mode);
         if (changed < 0) return i;
@@ -53,7 +55,10 @@ extern "C" long energy(const void* const* args, long begin, long end, const yasp
             for (long b = a; b < c; ++b, ++position) {
                 if (*position < 0) continue;
                 const int p = sink->block_size_at[kappa[a] - 1], q = sink->block_size_at[kappa[b] - 1];
-                double* to = sink->blocks + (*position >> 2);
+                const long offset = *position >> 2;
+                double* to = sink->tiles[offset >> 9];
+                if (!to) to = sink->open_tile(sink, offset >> 9);
+                to += offset & 511;
                 for (int j = 0; j < p; ++j) {
                     for (int k = 0; k < q; ++k) {
                         const double h = s * (a + 1) * (j + 1) * (b + 1) * (k + 1);
@@ -225,6 +230,32 @@ def test_many_tiles(runtime: Runtime, kernels: Kernels) -> None:
         np.testing.assert_allclose(values[0][0], values[1][0], rtol=1e-12, atol=1e-10)
         np.testing.assert_allclose(values[0][1], values[1][1], rtol=1e-12, atol=1e-12)
         assert values[0][1].any()
+
+
+def test_tiles_with_blocks_of_several_shapes(runtime: Runtime, kernels: Kernels) -> None:
+    """Blocks that begin in one tile and end in the next, tiles that hold the end of one shape and the start of another,
+    and tiles that no instance touches."""
+    n, sizes = 300, np.array([3, 5, 1], np.int32)
+    boundaries = np.cumsum([0, *(n * sizes)])
+    rng = np.random.default_rng(5)
+    touched = rng.integers(n // 3, n, (1500, 3))
+    kappa = (boundaries[:3] + touched * sizes + 1).astype(np.int32)
+    matrix = BlockMatrix(runtime)
+    position = matrix.build(boundaries, sizes, [kappa])[0]
+    arguments = Arguments(rng.standard_normal(boundaries[-1]), rng.uniform(0, 1, len(kappa)), 3)
+    call = KernelCall(kernels.energy, arguments.address, len(kappa), kappa, position)
+    values = []
+    for threads in (1, 2, 7):
+        matrix.values[:] = 7.0
+        gradient = np.full(boundaries[-1], 7.0)
+        Assembler(runtime).assemble([call], [matrix], gradient, matrix.block_size_at, threads)
+        values.append((gradient, matrix.values.copy()))
+    assert matrix.values.size > 20 * 512
+    (of_shape,) = [group for group in matrix.groups if (group.r, group.c) == (5, 5)]
+    assert not of_shape.values[: n // 3].any()
+    for gradient, found in values[1:]:
+        np.testing.assert_allclose(gradient, values[0][0], rtol=1e-11, atol=1e-9)
+        np.testing.assert_allclose(found, values[0][1], rtol=1e-12, atol=1e-12)
 
 
 def test_deterministic_assembler_needs_no_number_of_threads(runtime: Runtime, kernels: Kernels) -> None:

@@ -55,7 +55,7 @@ extern "C" long yasps<m.springs.stretch.derivative>_derive(Arguments a, long beg
         if (any_not_finite(check))
             for (long l = 0; l < lanes; ++l)
                 if (check[l] != 0.0) return first + l;
-        if (sink->blocks) {
+        if (sink->tiles) {
             for (long l = 0; l < lanes; ++l) {
                 const long i = first + l;
                 long at[3];

@@ -134,8 +134,9 @@ extern "C" long yasps<both.pp.barrier.derivative>_derive(Arguments a, long begin
     const int* const p0 = (const int*)a[0];
     Arguments const p1 = (Arguments)a[1];
     V middle_of[16][6];
-    for (long start = begin; start < end; start += 128) {
-        const long stop = end - start < 128 ? end : start + 128;
+    const long most = sink->mode == 2 ? 8 : 128;
+    for (long start = begin; start < end; start += most) {
+        const long stop = end - start < most ? end : start + most;
         for (long first = start, pack = 0; first < stop; first += 8, ++pack) {
             const long lanes = stop - first < 8 ? stop - first : 8;
             V r0[6];
@@ -186,14 +187,13 @@ extern "C" long yasps<both.pp.barrier.derivative>_derive(Arguments a, long begin
                 (void)i;
             }
         }
-        if (!sink->blocks) continue;
+        if (!sink->tiles) continue;
         const long changed = sink->project((double*)middle_of, 3, (int)(stop - start), sink->mode);
         if (changed < 0) return start - changed - 1;
         *sink->projected += changed;
         for (long first = start, pack = 0; first < stop; first += 8, ++pack) {
             const long lanes = stop - first < 8 ? stop - first : 8;
             V* const middle = middle_of[pack];
-            prefetch_blocks(sink, first, 10, lanes);
             V hessian[21];
             pull_back_pack(middle, hessian);
             V by_lane[8 * 3];

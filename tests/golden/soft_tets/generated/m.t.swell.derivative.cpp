@@ -419,8 +419,9 @@ extern "C" long yasps<m.t.swell.derivative>_derive(Arguments a, long begin, long
     const double* const p1 = (const double*)a[1];
     V middle_of[16][45];
     V deformation_of[16][9];
-    for (long start = begin; start < end; start += 128) {
-        const long stop = end - start < 128 ? end : start + 128;
+    const long most = sink->mode == 2 ? 8 : 128;
+    for (long start = begin; start < end; start += most) {
+        const long stop = end - start < most ? end : start + most;
         for (long first = start, pack = 0; first < stop; first += 8, ++pack) {
             const long lanes = stop - first < 8 ? stop - first : 8;
             V r0[12];
@@ -448,21 +449,20 @@ extern "C" long yasps<m.t.swell.derivative>_derive(Arguments a, long begin, long
                 (void)i;
             }
         }
-        if (!sink->blocks) continue;
+        if (!sink->tiles) continue;
         const long changed = sink->project_isotropic((double*)middle_of, (const double*)deformation_of, 9, (int)(stop - start), sink->mode);
         if (changed < 0) return start - changed - 1;
         *sink->projected += changed;
         for (long first = start, pack = 0; first < stop; first += 8, ++pack) {
             const long lanes = stop - first < 8 ? stop - first : 8;
             V* const middle = middle_of[pack];
-            prefetch_blocks(sink, first, 10, lanes);
             V hessian[78];
             pull_back_pack(middle, hessian);
             {
                 static const short entry[] = {0, 1, 2, 1, 12, 13, 2, 13, 23, 3, 4, 5, 14, 15, 16, 24, 25, 26, 6, 7, 8, 17, 18, 19, 27, 28, 29, 9, 10, 11, 20, 21, 22, 30, 31, 32, 33, 34, 35, 34, 42, 43, 35, 43, 50, 36, 37, 38, 44, 45, 46, 51, 52, 53, 39, 40, 41, 47, 48, 49, 54, 55, 56, 57, 58, 59, 58, 63, 64, 59, 64, 68, 60, 61, 62, 65, 66, 67, 69, 70, 71, 72, 73, 74, 73, 75, 76, 74, 76, 77};
                 static const short place[] = {0, 1, 2, 3, 4, 5, 6, 7, 8, 9};
                 const long* const position = sink->position + first * 10;
-                add_packs_3x3(sink->blocks, position, 10, lanes, hessian, entry, place, 10);
+                add_packs_3x3(sink, position, 10, lanes, hessian, entry, place, 10);
             }
         }
     }
