@@ -1,8 +1,8 @@
-"""Which surface pieces of a scene are close, and how far a step may go: collision geometry through ipctk.
+"""Which surface pieces of a scene are close, and how far a step may go.
 
-The IPC Toolkit finds candidate pairs, the active set and collision-free step sizes. It evaluates no energy
-here: the barrier is an ordinary yasps energy over the index arrays of :class:`ActiveSet`, one formula per
-array.
+The runtime finds candidate pairs, the active set and collision-free step sizes; the IPC Toolkit looks for
+intersections. No energy is evaluated here: the barrier is an ordinary yasps energy over the index arrays of
+:class:`ActiveSet`, one formula per array.
 
 Conventions: positions are float64 [n, 3] over *all* vertices of the scene (the union of its meshes), in the
 user's length unit; every vertex id taken or returned counts in that numbering; distances are plain, not
@@ -13,17 +13,18 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
+from typing import Never
 
 import ipctk
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-from yasps.frontend.active_set import ActiveSet, Floats, Ids, read_collisions
+from yasps.frontend.active_set import ActiveSet, Floats, Ids, active_set_of
 from yasps.frontend.errors import YaspsError
+from yasps.runtime.library import Runtime, load_runtime
+from yasps.runtime.surface_pairs import Surface, SurfacePairs
+from yasps.runtime.toolchain import find_compiler
 
-_FREE_SHARE = 0.9
-"""Share of its distance that a pair may use up in one step, as additive CCD's conservative rescaling."""
 _ROUNDING = 8 * float(np.finfo(np.float64).eps)
 
 
@@ -33,13 +34,15 @@ class IntersectionError(YaspsError, ValueError):
 
 @dataclass(frozen=True)
 class Candidates:
-    """Pairs that may come closer than `distance` while each vertex stays between `lower` and `upper`."""
+    """Pairs that may come closer than `distance` while each vertex is within `margin` of its place on the straight way
+    from `start` to `end`, all of them at the same time."""
 
+    surface: Surface
     distance: float
-    pairs: Any
-    """ipctk.Candidates, over the numbering of the collision mesh."""
-    lower: Floats
-    upper: Floats
+    margin: float
+    start: Floats
+    end: Floats
+    pairs: SurfacePairs
 
     def __len__(self) -> int:
         """Number of pairs."""
@@ -59,6 +62,7 @@ class CollisionGeometry:
         fixed: ArrayLike | None = None,
         group: ArrayLike | None = None,
         objects: Mapping[str, int] | None = None,
+        runtime: Runtime | None = None,
     ) -> None:
         """Take the scene's surface.
 
@@ -67,10 +71,10 @@ class CollisionGeometry:
         active. `edges` [k, 2]: further edges of rods and curves. `fixed` [n] bool: vertices that never move;
         no pair of only fixed vertices is reported. `group` [n] int: no pair inside one group is reported;
         negative means no group. `objects`: name -> number of vertices, in the order of the union, for
-        messages. Raises ValueError for wrong shapes or ids, and for a group that holds both fixed and free
-        vertices.
+        messages. `runtime`: loaded if not given. Raises ValueError for wrong shapes or ids, and for a group that
+        holds both fixed and free vertices.
         """
-        rest = np.array(rest_positions, dtype=np.float64)
+        rest = np.array(rest_positions, dtype=np.float64, order="C")
         if rest.ndim != 2 or rest.shape[1:] != (3,):
             raise ValueError(f"rest_positions must have shape [n, 3], got {list(rest.shape)}")
         self.vertex_count = len(rest)
@@ -94,6 +98,14 @@ class CollisionGeometry:
         labels = _filter_labels(fixed, group, self.vertex_count)
         if labels is not None:
             self._mesh.can_collide = ipctk.make_vertex_patches_filter(labels[full_id])
+        self._rest = rest
+        self._surface = Surface(
+            runtime or load_runtime(find_compiler()),
+            self._full_id,
+            self._full_id[self._edges],
+            self._full_id[self._faces],
+            np.full(self.vertex_count, -1, np.int32) if labels is None else labels,
+        )
 
     # --- intersections ---
 
@@ -103,11 +115,11 @@ class CollisionGeometry:
         A surface wholly inside another crosses nothing and is not noticed. Raises ValueError for a wrong
         shape or values that are not finite.
         """
-        return self._crosses(self._surface(positions, "positions"))
+        return self._crosses(self._of_mesh(self._checked(positions, "positions")))
 
     def check_intersection_free(self, positions: ArrayLike) -> None:
         """Raise IntersectionError, naming number and first of the crossings, if surfaces cross or touch."""
-        self._require_no_crossing(self._surface(positions, "positions"), "positions")
+        self._require_no_crossing(self._of_mesh(self._checked(positions, "positions")), "positions")
 
     # --- pairs ---
 
@@ -123,29 +135,25 @@ class CollisionGeometry:
 
         `start`, `end` [n, 3]; no `end` means no motion. `distance` defaults to the activation distance; 0 is
         enough for :meth:`step_bound` alone. `margin` [length]: the result also serves motions that leave this one
-        by no more than that in any coordinate of any vertex (see :meth:`covers`).
+        by no more than that (see :meth:`covers`).
         """
-        first = self._surface(start, "start")
-        last = first if end is None else self._surface(end, "end")
+        first = self._checked(start, "start").copy()
+        last = first if end is None else self._checked(end, "end").copy()
         reach = self.activation_distance if distance is None else float(distance)
         if not (np.isfinite(reach) and reach >= 0):
             raise ValueError(f"distance must be a length >= 0, got {distance}")
         if not (np.isfinite(margin) and margin >= 0):
             raise ValueError(f"margin must be a length >= 0, got {margin}")
-        lower, upper = np.minimum(first, last), np.maximum(first, last)
-        # Two boxes inflated by r meet when their contents are within 2 r. The pad makes up for positions that
-        # rounding of start + step * (end - start) puts just outside the swept boxes; _swept_surface allows
-        # exactly that much.
-        pad = margin + 1e-6 * reach + _ROUNDING * max(np.abs(lower).max(initial=0.0), np.abs(upper).max(initial=0.0))
-        pairs = ipctk.Candidates()
-        pairs.build(self._mesh, first, last, reach / 2 + pad, ipctk.LBVH())
-        return Candidates(reach, pairs, lower - pad, upper + pad)
+        # Positions that rounding of start + step * (end - start) puts just beside the way belong to it.
+        size = max(np.abs(first).max(initial=0.0), np.abs(last).max(initial=0.0))
+        allowed = margin + 1e-6 * reach + _ROUNDING * size
+        # A pair comes nearer by twice the margin; and distances are rounded, too.
+        pairs = self._surface.find(first, last, reach + 2 * allowed + _ROUNDING * size)
+        return Candidates(self._surface, reach, allowed, first, last, pairs)
 
     def covers(self, candidates: Candidates, *positions: ArrayLike) -> bool:
-        """Whether all these positions [n, 3], and so the straight ways between them, are inside the motion that
-        `candidates` was made for."""
-        surfaces = [self._surface(part, "positions") for part in positions]
-        return not any(_outside(surface, candidates).any() for surface in surfaces)
+        """Whether `candidates` serve all these positions [n, 3], and so the straight ways between them."""
+        return all(self._off_way(self._checked(part, "positions"), candidates) <= 0 for part in positions)
 
     def active_set(self, positions: ArrayLike, candidates: Candidates | None = None) -> ActiveSet:
         """All pairs closer than the activation distance at `positions` [n, 3].
@@ -165,8 +173,8 @@ class CollisionGeometry:
                 f"candidates were made for distance {candidates.distance:g}, but the active set needs the"
                 f" activation distance {self.activation_distance:g}: leave it out in candidates()"
             )
-        surface = self._swept_surface(positions, "positions", candidates)
-        return self._read(self._collisions(candidates, surface, self.activation_distance), surface)
+        there = self._on_way(positions, "positions", candidates)
+        return self._closer_than(self.activation_distance, there, candidates)
 
     # --- continuous collision detection ---
 
@@ -188,66 +196,49 @@ class CollisionGeometry:
         """
         if candidates is None:
             candidates = self.candidates(start, end, distance=0.0)
-        first = self._swept_surface(start, "start", candidates)
-        last = self._swept_surface(end, "end", candidates)
+        first = self._on_way(start, "start", candidates)
+        last = self._on_way(end, "end", candidates)
         if not start_is_free:
-            self._require_no_crossing(first, "start")
-        touching = self._collisions(candidates, first, _ROUNDING * np.abs(first).max(initial=1e-300))
-        if len(touching) > 0:
-            self._raise_touching(self._read(touching, first))
-        return float(
-            candidates.pairs.compute_collision_free_stepsize(
-                self._mesh, first, last, min_distance=0.0, narrow_phase_ccd=ipctk.AdditiveCCD()
-            )
-        )
+            self._require_no_crossing(self._of_mesh(first), "start")
+        touching = _ROUNDING * float(np.abs(first).max(initial=1e-300))
+        step = self._surface.step_bound(first, last, touching, candidates.pairs)
+        if step is None:
+            self._raise_touching(self._closer_than(2 * touching, first, candidates))
+        return step
 
-    def moves_freely(self, start: ArrayLike, end: ArrayLike, candidates: Candidates) -> bool:
-        """Whether every vertex moves so little from `start` to `end` [n, 3] that nothing can meet on any way there.
+    # --- helpers ---
 
-        A quick test without CCD, for short motions: no vertex may move by 0.45 of its distance to anything else, so
-        that pairs keep a tenth of theirs, as with :meth:`step_bound`. `start` must be free of intersections.
-        """
-        first = self._swept_surface(start, "start", candidates)
-        last = self._swept_surface(end, "end", candidates)
-        # What is not among the candidates is at least their distance apart.
-        gaps = candidates.pairs.compute_per_vertex_safe_distances(self._mesh, first, candidates.distance)
-        moved = np.linalg.norm(last - first, axis=1)
-        return bool((moved <= 0.5 * _FREE_SHARE * np.asarray(gaps).reshape(-1)).all())
-
-    # --- inside ---
-
-    def _surface(self, positions: ArrayLike, name: str) -> Floats:
-        """Checked positions of the collision mesh's vertices, column-major as ipctk wants them."""
-        full = np.asarray(positions, dtype=np.float64)
+    def _checked(self, positions: ArrayLike, name: str) -> Floats:
+        full = np.ascontiguousarray(positions, dtype=np.float64)
         if full.shape != (self.vertex_count, 3):
             raise ValueError(
                 f"{name} must have shape [{self.vertex_count}, 3], one row per vertex of the scene,"
                 f" got {list(full.shape)}"
             )
         _check_finite(full, name)
-        return np.asfortranarray(full[self._full_id])
+        return full
 
-    def _swept_surface(self, positions: ArrayLike, name: str, candidates: Candidates) -> Floats:
-        surface = self._surface(positions, name)
-        if candidates.lower.shape != surface.shape:
+    def _of_mesh(self, positions: Floats) -> Floats:
+        return np.asfortranarray(positions[self._full_id])
+
+    def _off_way(self, positions: Floats, candidates: Candidates) -> float:
+        """By how much positions leave what candidates were made for; at most 0 if they do not."""
+        if candidates.surface is not self._surface:
             raise ValueError("candidates belong to another CollisionGeometry")
-        outside = _outside(surface, candidates)
-        if outside.any():
-            vertex = self._name(int(self._full_id[int(np.argmax(outside))]))
+        return self._surface.distance_to_way(candidates.start, candidates.end, positions) - candidates.margin
+
+    def _on_way(self, positions: ArrayLike, name: str, candidates: Candidates) -> Floats:
+        full = self._checked(positions, name)
+        off = self._off_way(full, candidates)
+        if off > 0:
             raise ValueError(
-                f"{name}: {int(outside.sum())} vertices, first {vertex}, are outside the motion that the"
-                " candidates were made for; call candidates(start, end) anew with these positions in between"
+                f"{name}: a vertex is {off:.3g} outside the motion that the candidates were made for; call"
+                " candidates(start, end) anew with these positions in between"
             )
-        return surface
+        return full
 
-    def _collisions(self, candidates: Candidates, surface: Floats, distance: float) -> Any:
-        # The defaults of NormalCollisions are the ones wanted: collision_set_type IPC, no area weighting.
-        collisions = ipctk.NormalCollisions()
-        collisions.build(candidates.pairs, self._mesh, surface, distance)
-        return collisions
-
-    def _read(self, collisions: Any, surface: Floats) -> ActiveSet:
-        return read_collisions(collisions, self._mesh, surface, self._full_id)
+    def _closer_than(self, distance: float, positions: Floats, candidates: Candidates) -> ActiveSet:
+        return active_set_of(*self._surface.close_pairs(positions, self._rest, distance, candidates.pairs))
 
     def _crosses(self, surface: Floats) -> bool:
         return bool(ipctk.has_intersections(self._mesh, surface, ipctk.LBVH()))
@@ -276,7 +267,7 @@ class CollisionGeometry:
                 found.append((self._full_id[edge].tolist(), self._full_id[face].tolist()))
         return sorted(found)
 
-    def _raise_touching(self, touching: ActiveSet) -> None:
+    def _raise_touching(self, touching: ActiveSet) -> Never:
         kind, pairs = next((kind, pairs) for kind, pairs in touching.kinds().items() if len(pairs) > 0)
         raise IntersectionError(
             f"start: {len(touching)} pairs touch (distance zero); first, a {kind.replace('_', ' ')} pair:"
@@ -294,14 +285,9 @@ class CollisionGeometry:
         return ", ".join(self._name(vertex) for vertex in vertices)
 
 
-def _outside(surface: Floats, candidates: Candidates) -> NDArray[np.bool_]:
-    """Vertices that are not where the candidates were made for."""
-    return np.asarray(((surface < candidates.lower) | (surface > candidates.upper)).any(axis=1))
-
-
 def _check_finite(positions: Floats, name: str) -> None:
-    bad = ~np.isfinite(positions).all(axis=1)
-    if bad.any():
+    if not np.isfinite(positions).all():
+        bad = ~np.isfinite(positions).all(axis=1)
         raise ValueError(
             f"{name}: {int(bad.sum())} vertices are NaN or infinite, first vertex {int(np.argmax(bad))};"
             " the previous step has gone wrong"

@@ -1,7 +1,8 @@
 """Intersection-free contact: IPC barrier energies over the vertices of a scene, whatever parameterises them.
 
 The energies are written once, over a primitive union of vertices; JOIN and UNION carry their derivatives to free
-vertices, affine bodies or anything else. Collision geometry (which pairs are close, how far a step may go) is ipctk's.
+vertices, affine bodies or anything else. Collision geometry (which pairs are close, how far a step may go) is in
+collision_geometry.py.
 
 Li et al. 2020; paper, section 4.6.3 and eq. 8. Distances enter squared.
 """
@@ -71,10 +72,9 @@ def mollifier(first: Attribute, second: Attribute, threshold: Attribute) -> Attr
     return ratio * (2 - ratio)
 
 
-SHORT_WAY = 1.0
-"""Ways up to this many activation distances share their candidates, found with a margin of"""
 MARGIN = 0.25
-"""this many."""
+"""Ways that leave another by less than this many activation distances share its candidates: a larger margin saves
+searches, but brings more pairs to measure at every trial step."""
 
 
 @dataclass(frozen=True)
@@ -129,7 +129,13 @@ class BarrierContact:
             raise SceneError(f"contact needs 3x1 positions, but {self.position.path} is {self.position.shape}")
         positions = self.positions()
         self.geometry = CollisionGeometry(
-            positions, triangles, activation_distance, fixed=fixed, group=group, objects=objects
+            positions,
+            triangles,
+            activation_distance,
+            fixed=fixed,
+            group=group,
+            objects=objects,
+            runtime=mesh.scene.runtime,
         )
         self.geometry.check_intersection_free(positions)
         reach = mesh.add_constant("squared_reach", 1, 1, value=activation_distance**2)
@@ -149,7 +155,6 @@ class BarrierContact:
             self.primitives[name] = primitive
         self._given: dict[str, Pairs] = {}
         self._kept: Candidates | None = None
-        self._last_step = 1.0
         self._where = positions
         self.active = self.geometry.active_set(positions)
         self._apply(self.active)
@@ -175,27 +180,13 @@ class BarrierContact:
         """Largest step in [0, 1] from start straight towards end [n, 3] that is free of collisions, and the pairs to
         give to `update` anywhere on that way.
 
-        start must be free of intersections; every earlier step was bounded, so it is. Pairs of a short way are found
-        with a margin and kept for the next ones, since ways get ever shorter while Newton's method converges.
+        start must be free of intersections; every earlier step was bounded, so it is. Pairs are found with a margin
+        and kept for the next ways, since these get ever shorter while Newton's method converges.
         """
         geometry = self.geometry
-        way = float(np.sqrt(np.square(end - start).sum(axis=1).max(initial=0.0)))
-        if way <= SHORT_WAY * geometry.activation_distance:
-            if self._kept is None or not geometry.covers(self._kept, start, end):
-                self._kept = geometry.candidates(start, end, margin=MARGIN * geometry.activation_distance)
-            if geometry.moves_freely(start, end, self._kept):
-                return 1.0, self._kept
-            return geometry.step_bound(start, end, self._kept, start_is_free=True), self._kept
-        # The boxes that vertices sweep on a long way meet many others: where the last long way was blocked early, look
-        # at the beginning first.
-        for share in (0.25, 1.0) if self._last_step < 0.25 else (1.0,):
-            last = end if share == 1.0 else start + share * (end - start)
-            candidates = geometry.candidates(start, last)
-            step = geometry.step_bound(start, last, candidates, start_is_free=True)
-            if step < 1.0:
-                break
-        self._last_step = share * step
-        return self._last_step, candidates
+        if self._kept is None or not geometry.covers(self._kept, start, end):
+            self._kept = geometry.candidates(start, end, margin=MARGIN * geometry.activation_distance)
+        return geometry.step_bound(start, end, self._kept, start_is_free=True), self._kept
 
     def _apply(self, active: ActiveSet) -> None:
         for name, pairs in active.kinds().items():

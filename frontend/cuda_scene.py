@@ -222,13 +222,21 @@ class CudaScene(CompiledScene):
 
     def assemble(self, *, hessian: bool = True, project: bool = True) -> FloatArray:
         self.update_structure()
+        terms = self._derived_terms()
+        self._outcomes.upload(np.array([[NONE_BAD, 0]] * len(terms), np.uint64).reshape(-1, 2))
+        self.launch_assembly(hessian=hessian, project=project)
+        for term, first_bad in zip(terms, self._outcomes.download()[:, 0], strict=True):
+            if first_bad != NONE_BAD:
+                raise self._not_finite(term, int(first_bad))
+        return self._gradient.values.download()
+
+    def launch_assembly(self, *, hessian: bool = True, project: bool = True) -> None:
+        """What `assemble` does on the device alone, after it was called once: nothing is copied, nobody waits."""
         matrices = [self.static_matrix, self.dynamic_matrix]
         results: list[CudaGradient | CudaBlockMatrix] = [self._gradient, *(matrices if hessian else [])]
         for result in results:
             result.clear()
-        terms = [term for term in self._terms if term.derivative is not None and term.count]
-        self._outcomes.upload(np.array([[NONE_BAD, 0]] * len(terms), np.uint64).reshape(-1, 2))
-        for k, term in enumerate(terms):
+        for k, term in enumerate(self._derived_terms()):
             placement, matrix = self._placements[term.symbol], matrices[term.dynamic]
             assert term.derivative is not None
             assert placement.positions is not None
@@ -247,10 +255,9 @@ class CudaScene(CompiledScene):
             self.program.launch_derivative(launch)
         for result in results:
             result.finish()
-        for term, first_bad in zip(terms, self._outcomes.download()[:, 0], strict=True):
-            if first_bad != NONE_BAD:
-                raise self._not_finite(term, int(first_bad))
-        return self._gradient.values.download()
+
+    def _derived_terms(self) -> list[Term]:
+        return [term for term in self._terms if term.derivative is not None and term.count]
 
     def solve_linear(
         self,

@@ -171,7 +171,7 @@ class Primitive(PrimitiveBase):
         for node, array in numbers.items():
             node.array = array
         self.set_num_instances(count)
-        self.scene.arrays_moved()
+        self.scene.arrays_moved(self)
 
     def _counts_without(self, parts: dict[str, Any]) -> dict[str, int]:
         """Instances that each part not named here has numbers for."""

@@ -1,0 +1,208 @@
+// Close pairs of surface pieces sorted by the distance formula that each needs, and how far a step may go.
+//
+// The pairs come from near_pairs.cpp: edges as int [n, 4], edge by edge; vertex and triangle as int [n, 4], the
+// vertex first. What is close, and with which weight, is as in Li et al. 2020 and its supplement.
+#include <algorithm>
+
+#include "pair_distance.h"
+#include "runtime.h"
+
+namespace yasps {
+namespace {
+
+// In the order of the fields of ActiveSet.
+enum Kind {
+    kPointPoint,
+    kPointEdge,
+    kPointTriangle,
+    kEdgeEdge,
+    kMollifiedEdgeEdge,
+    kMollifiedPointEdge,
+    kMollifiedPointPoint,
+    kKinds
+};
+
+// Its layout is part of the interface to Python.
+struct ClosePair {
+    int kind;
+    int vertices[4];  // the places that a kind does not use are 0
+    int unused;
+    double weight, threshold;
+};
+
+inline bool same_entry(const ClosePair& a, const ClosePair& b) {
+    return a.kind == b.kind && std::equal(a.vertices, a.vertices + 4, b.vertices);
+}
+inline bool before(const ClosePair& a, const ClosePair& b) {
+    if (a.kind != b.kind) return a.kind < b.kind;
+    return std::lexicographical_compare(a.vertices, a.vertices + 4, b.vertices, b.vertices + 4);
+}
+
+inline ClosePair point_point(int a, int b) { return {kPointPoint, {std::min(a, b), std::max(a, b), 0, 0}, 0, 1, 0}; }
+inline ClosePair point_edge(int point, int a, int b) {
+    return {kPointEdge, {point, std::min(a, b), std::max(a, b), 0}, 0, 1, 0};
+}
+
+inline void gather(const int* ids, const Point* x, Point* p) {
+    for (int c = 0; c < 4; ++c) p[c] = x[ids[c]];
+}
+
+ClosePair of_vertex_and_triangle(const int* v, int features) {
+    const int* const corner = v + 1;
+    if (features >= kInside) return {kPointTriangle, {v[0], v[1], v[2], v[3]}, 0, 1, 0};
+    if (features >= kSide) {
+        const int k = features - kSide;
+        return point_edge(v[0], corner[k], corner[k == 2 ? 0 : k + 1]);
+    }
+    return point_point(v[0], corner[features]);
+}
+
+// threshold: the pair is mollified where |u x v|^2 is below it.
+ClosePair of_edges(const int* v, const Point* p, double threshold, int features) {
+    const int first = features / 3, second = features % 3;
+    const bool mollified = square(cross(p[1] - p[0], p[3] - p[2])) < threshold;
+    if (features == kLineLine) {
+        const int kind = mollified ? kMollifiedEdgeEdge : kEdgeEdge;
+        return {kind, {v[0], v[1], v[2], v[3]}, 0, 1, mollified ? threshold : 0};
+    }
+    if (first != kBetween && second != kBetween) {
+        int a = v[first], a_other = v[1 - first], b = v[2 + second], b_other = v[3 - second];
+        if (!mollified) return point_point(a, b);
+        if (b < a) std::swap(a, b), std::swap(a_other, b_other);
+        return {kMollifiedPointPoint, {a, b, a_other, b_other}, 0, 1, threshold};
+    }
+    // An end of one edge, and the other edge.
+    const int* const edge = first == kBetween ? v : v + 2;
+    const int* const own = first == kBetween ? v + 2 : v;
+    const int end = first == kBetween ? second : first;
+    if (!mollified) return point_edge(own[end], edge[0], edge[1]);
+    return {kMollifiedPointEdge, {own[end], edge[0], edge[1], own[1 - end]}, 0, 1, threshold};
+}
+
+// The first time in [0, latest] at which a pair that starts at p and moves by m has used up all but a tenth of its
+// distance, or infinity: additive CCD (Li, Kaufman & Jiang 2021) with conservative rescaling 0.9. split: vertices of
+// the first piece.
+template <class Distance>
+double time_of_contact(Point* p, Point* m, int split, double latest, Distance squared) {
+    constexpr double kShare = 0.9;
+    const Point mean = 0.25 * ((m[0] + m[1]) + (m[2] + m[3]));  // moving together changes no distance
+    double fastest[2] = {0, 0};
+    for (int c = 0; c < 4; ++c) {
+        m[c] = m[c] - mean;
+        double& side = fastest[c >= split];
+        side = std::max(side, square(m[c]));
+    }
+    const double speed = sqrt(fastest[0]) + sqrt(fastest[1]);
+    double distance = sqrt(squared(p));
+    const double enough = (1 - kShare) * distance;
+    double time = 0;
+    while (speed > 0) {
+        const double ahead = kShare * distance / speed;
+        if (time == 0 && ahead > latest) break;
+        for (int c = 0; c < 4; ++c) p[c] = p[c] + ahead * m[c];
+        distance = sqrt(squared(p));
+        if (time > 0 && !(distance >= enough)) return time;
+        if (time + ahead == time) return time;
+        time += ahead;
+        if (time > latest) break;
+    }
+    return INFINITY;
+}
+
+}  // namespace
+}  // namespace yasps
+
+using namespace yasps;
+
+extern "C" {
+
+// Writes the pairs closer than `reach` to `found`, sorted by kind and vertices, equal ones once with their number as
+// weight; found has room for both counts together. ends[k] becomes the end of kind k in it, nearest[0] the squared
+// distance of the nearest pair, infinite where there is none. rest: where edges get their threshold from.
+void yasps_close_pairs(const double* positions, const double* rest, double reach, const int* edge_edge, long edge_count,
+                       const int* vertex_triangle, long triangle_count, void* found, long* ends, double* nearest) {
+    const Point *const x = reinterpret_cast<const Point*>(positions), *const x0 = reinterpret_cast<const Point*>(rest);
+    ClosePair* const pairs = static_cast<ClosePair*>(found);
+    Point p[4];
+    long count = 0;
+    double least = INFINITY;
+    for (long k = 0; k < edge_count; ++k) {
+        const int* const v = edge_edge + 4 * k;
+        gather(v, x, p);
+        const Closest closest = closest_edges(p);
+        if (!(closest.squared < reach * reach)) continue;
+        least = std::min(least, closest.squared);
+        const double threshold = 1e-3 * square(x0[v[1]] - x0[v[0]]) * square(x0[v[3]] - x0[v[2]]);
+        pairs[count++] = of_edges(v, p, threshold, closest.features);
+    }
+    for (long k = 0; k < triangle_count; ++k) {
+        const int* const v = vertex_triangle + 4 * k;
+        gather(v, x, p);
+        const Closest closest = closest_vertex_triangle(p);
+        if (!(closest.squared < reach * reach)) continue;
+        least = std::min(least, closest.squared);
+        pairs[count++] = of_vertex_and_triangle(v, closest.features);
+    }
+    std::sort(pairs, pairs + count, before);
+    long last = -1;
+    for (long k = 0; k < count; ++k) {
+        // Only entries without a mollifier can be equal: a mollified one names both its edges.
+        if (last >= 0 && same_entry(pairs[last], pairs[k]))
+            pairs[last].weight += 1;
+        else
+            pairs[++last] = pairs[k];
+    }
+    long end = 0;
+    for (int kind = 0; kind < kKinds; ++kind) {
+        while (end <= last && pairs[end].kind == kind) ++end;
+        ends[kind] = end;
+    }
+    *nearest = least;
+}
+
+// The largest step in [0, 1] from start towards end before any of the pairs has used up all but a tenth of its
+// distance; -1 if one is within `touching` at the start.
+double yasps_step_bound(const double* start, const double* end, double touching, const int* edge_edge, long edge_count,
+                        const int* vertex_triangle, long triangle_count) {
+    const Point *const from = reinterpret_cast<const Point*>(start), *const to = reinterpret_cast<const Point*>(end);
+    double step = 1;
+    Point p[4], m[4];
+    const auto fetch = [&](const int* v) {
+        for (int c = 0; c < 4; ++c) p[c] = from[v[c]], m[c] = to[v[c]] - p[c];
+    };
+    for (long k = 0; k < edge_count; ++k) {
+        fetch(edge_edge + 4 * k);
+        const auto squared = [](const Point* at) { return closest_edges(at).squared; };
+        if (!(squared(p) > touching * touching)) return -1;
+        step = std::min(step, time_of_contact(p, m, 2, step, squared));
+    }
+    for (long k = 0; k < triangle_count; ++k) {
+        fetch(vertex_triangle + 4 * k);
+        const auto squared = [](const Point* at) { return closest_vertex_triangle(at).squared; };
+        if (!(squared(p) > touching * touching)) return -1;
+        step = std::min(step, time_of_contact(p, m, 1, step, squared));
+    }
+    return step;
+}
+
+// Where on the way from start to end ([vertices, 3], of ids [count]) all vertices are nearest to `positions`, and the
+// largest distance of one from there.
+void yasps_distance_to_way(const double* start, const double* end, const double* positions, const int* ids, long count,
+                           double* result) {
+    const Point *const from = reinterpret_cast<const Point*>(start), *const to = reinterpret_cast<const Point*>(end);
+    const Point* const at = reinterpret_cast<const Point*>(positions);
+    double along = 0, length = 0;
+    for (long k = 0; k < count; ++k) {
+        const Point way = to[ids[k]] - from[ids[k]];
+        along += dot(way, at[ids[k]] - from[ids[k]]);
+        length += square(way);
+    }
+    const double step = length > 0 ? std::min(1.0, std::max(0.0, along / length)) : 0;
+    double largest = 0;
+    for (long k = 0; k < count; ++k) {
+        const Point way = to[ids[k]] - from[ids[k]];
+        largest = std::max(largest, square(at[ids[k]] - from[ids[k]] - step * way));
+    }
+    *result = sqrt(largest);
+}
+}

@@ -1,0 +1,38 @@
+"""Devices made of the host that note what is asked of them, or refuse it."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from cuda_on_host import HostDevice, HostMemory
+from numpy.typing import NDArray
+
+from yasps.runtime.device import DeviceMemoryError
+
+
+class CountingDevice(HostDevice):
+    """Notes where uploads and downloads go, and refuses one allocation."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.uploads: list[int] = []
+        """Addresses."""
+        self.downloads: list[int] = []
+        """Numbers of bytes."""
+        self.allocations = 0
+        self.refused: int | None = None
+        """Number of the allocation, counted by `allocations`, that there is no room for, however often it is tried."""
+
+    def upload(self, array: NDArray[Any], address: int) -> None:
+        self.uploads.append(address)
+        super().upload(array, address)
+
+    def download(self, address: int, array: NDArray[Any]) -> None:
+        self.downloads.append(array.nbytes)
+        super().download(address, array)
+
+    def allocate(self, size: int, purpose: str) -> HostMemory:
+        if self.allocations == self.refused:
+            raise DeviceMemoryError(f"{purpose}: {size} bytes were asked for, and refused")
+        self.allocations += 1
+        return super().allocate(size, purpose)
