@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ast
 import re
+import tomllib
 from pathlib import Path
 
 import pytest
@@ -57,3 +58,17 @@ def test_the_document_says_the_same() -> None:
     expected |= {"dialects": {"nothing", "of", "ours"}, "runtime": {"nothing", "of", "ours"}}
     expected |= {"frontend": {"all", "of", "the", "above"}, "examples": {"the", "public", "API", "and", "frontend"}}
     assert documented == expected
+
+
+def test_an_installed_package_has_all_that_is_compiled_when_it_runs() -> None:
+    """Whatever lies beside the Python files is named in pyproject.toml."""
+    settings = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
+    patterns: dict[str, list[str]] = settings["tool"]["setuptools"]["package-data"]
+    for folder in ("backend", "runtime"):
+        packaged = {path for pattern in patterns[f"yasps.{folder}"] for path in (ROOT / folder).glob(pattern)}
+        beside = {
+            path
+            for path in (ROOT / folder).rglob("*")
+            if path.is_file() and path.suffix not in {".py", ".pyc"} and "__pycache__" not in path.parts
+        }
+        assert beside == packaged
