@@ -9,7 +9,7 @@ from small_scenes import SCENES
 from yasps import Scene
 from yasps.backend.cpp_object import CppEmitter
 from yasps.backend.scene_code import SceneCode
-from yasps.frontend import compiled_scene
+from yasps.frontend import scene_source
 from yasps.frontend.emit import SceneEmitter
 from yasps.frontend.scene_key import text_without_sizes
 from yasps.passes.pipeline import run_pipeline
@@ -52,7 +52,7 @@ def test_an_equal_scene_runs_no_pass(monkeypatch: pytest.MonkeyPatch) -> None:
     def refuse(*_: object, **__: object) -> None:
         raise AssertionError("a pass ran")
 
-    monkeypatch.setattr(compiled_scene, "run_pipeline", refuse)
+    monkeypatch.setattr(scene_source, "run_pipeline", refuse)
     again = chain(5)
     np.testing.assert_array_equal(again.gradient()[0], gradient[0])
     chain(12).gradient()
