@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import re
 import sys
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -26,7 +27,13 @@ from benchmarks import (
     spmv,
     symbolic,
 )
+from benchmarks.device_derivatives import run_contacts, run_elements
+from benchmarks.device_systems import run_assembly, run_solver, run_spmv
 from benchmarks.measure import Report, Settings, show, write_json
+from benchmarks.on_device import open_gpu
+from yasps.runtime.cuda_driver import NoDeviceError
+from yasps.runtime.cuda_nvcc import CudaNotFoundError
+from yasps.runtime.device import Device
 from yasps.runtime.library import available_processors
 
 
@@ -40,6 +47,22 @@ class Benchmark:
     takes_mesh: bool = False
 
 
+@dataclass(frozen=True)
+class OnDevice:
+    """What a benchmark does with `--device`; default_size: enough to keep a large GPU busy."""
+
+    default_size: int
+    run: Callable[[Settings, Device], Report]
+
+
+ON_DEVICE = {
+    "elements": OnDevice(1_000_000, run_elements),
+    "contacts": OnDevice(1_000_000, run_contacts),
+    "assembly": OnDevice(1_000_000, run_assembly),
+    "spmv": OnDevice(200_000, run_spmv),
+    "scene": OnDevice(scene_steps.DEFAULT_SIZE, scene_steps.run_on_device),
+    "solver": OnDevice(300_000, run_solver),
+}
 BENCHMARKS = {
     "elements": Benchmark(elements.DESCRIPTION, elements.DEFAULT_SIZE, elements.run, takes_mesh=True),
     "cloth": Benchmark(cloth.DESCRIPTION, cloth.DEFAULT_SIZE, cloth.run),
@@ -58,8 +81,8 @@ BENCHMARKS = {
 }
 
 
-def main(arguments: Sequence[str] | None = None) -> int:
-    """Lists the benchmarks, or runs one; returns the exit code."""
+def main(arguments: Sequence[str] | None = None, open_device: Callable[[str], Device] = open_gpu) -> int:
+    """Lists the benchmarks, or runs one; returns the exit code. open_device: what `--device` names."""
     options = _parser().parse_args(arguments)
     # Rows are as wide as they need to be: a table written to a file must not be cut.
     console = Console(width=None if sys.stdout.isatty() else 140)
@@ -78,8 +101,23 @@ def main(arguments: Sequence[str] | None = None) -> int:
         takers = ", ".join(name for name, one in BENCHMARKS.items() if one.takes_mesh)
         print(f"--mesh: {options.name} is not over a mesh of yours; these are: {takers}", file=sys.stderr)
         return 2
-    settings = Settings(options.size or benchmark.default_size, options.repeats, options.threads, options.mesh)
-    report = benchmark.run(settings)
+    if options.device == "cpu":
+        report = benchmark.run(
+            Settings(options.size or benchmark.default_size, options.repeats, options.threads, options.mesh)
+        )
+    else:
+        on_device = ON_DEVICE.get(options.name)
+        if on_device is None:
+            takers = ", ".join(ON_DEVICE)
+            print(f"--device: {options.name} runs on the CPU only; these run on a GPU: {takers}", file=sys.stderr)
+            return 2
+        try:
+            device = open_device(options.device)
+        except (NoDeviceError, CudaNotFoundError) as error:
+            print(f"--device {options.device}: {error}", file=sys.stderr)
+            return 1
+        size = options.size or on_device.default_size
+        report = on_device.run(Settings(size, options.repeats, options.threads, options.mesh), device)
     show(f"{options.name}: {benchmark.description}", report, console)
     if options.json is not None:
         write_json(options.json, report.rows)
@@ -89,6 +127,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser("python -m benchmarks", description="Without a name: lists the benchmarks.")
     parser.add_argument("name", nargs="?", choices=list(BENCHMARKS), help="which benchmark to run")
+    parser.add_argument("--device", type=_device, default="cpu", metavar="D", help="cpu (default), cuda or cuda:N")
     parser.add_argument("--json", type=Path, metavar="FILE", help="also write the rows to this file")
     parser.add_argument("--mesh", type=Path, metavar="FILE", help="tetrahedral mesh, for benchmarks over one")
     parser.add_argument("--size", type=_positive, metavar="N", help="number of elements, about (see each benchmark)")
@@ -98,6 +137,12 @@ def _parser() -> argparse.ArgumentParser:
         "--threads", type=_positive, metavar="T", default=threads, help=f"most threads (default: {threads}, all)"
     )
     return parser
+
+
+def _device(text: str) -> str:
+    if not re.fullmatch(r"cpu|cuda(:\d+)?", text):
+        raise argparse.ArgumentTypeError(f"{text!r} is neither cpu, nor cuda, nor cuda:N")
+    return text
 
 
 def _positive(text: str) -> int:

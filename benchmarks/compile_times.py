@@ -16,6 +16,7 @@ import numpy as np
 
 from benchmarks.contact_problem import add_barrier, close_pairs
 from benchmarks.element_problem import add_elements, box_of_tets, cloth_hinges, cloth_triangles
+from benchmarks.kernel_problem import on_cpu
 from benchmarks.measure import Peer, Report, Row, Settings, measure
 from yasps.backend.cpp_object import CppEmitter
 from yasps.backend.program import LINK_FLAGS
@@ -212,7 +213,7 @@ def _processor_seconds() -> float:
 def _compiled(scene: Scene, runtime: Runtime) -> CpuScene:
     """The scene compiled by the compiler of this runtime; the runtime itself stays as it is."""
     scene._runtime = runtime
-    return scene.compile()
+    return on_cpu(scene.compile())
 
 
 def _linked(objects: Sequence[CompiledObject], compiler: Compiler) -> ctypes.CDLL:
@@ -225,7 +226,9 @@ def _exchange(compiled: CpuScene, library: ctypes.CDLL) -> None:
     """The scene runs on this library, which has the same functions. Raises ValueError if they do something else."""
     expected = compiled.assemble()
     compiled.program._library = library
-    compiled.arrays_moved()
+    owner = compiled.targets[0].owner
+    assert owner is not None
+    compiled.arrays_moved(owner)
     if not np.allclose(compiled.assemble(), expected, rtol=1e-12, atol=1e-12 * np.abs(expected).max()):
         raise ValueError("objects compiled in one file give another gradient")
 

@@ -7,6 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from benchmarks.kernel_problem import on_cpu
+from benchmarks.on_device import Where, new_scene
 from yasps import Scene
 from yasps.frontend.attribute import Attribute
 from yasps.frontend.contact import KINDS, barrier, mollifier
@@ -108,9 +110,9 @@ def union_problem(pairs: Pairs, threads: int) -> ContactProblem:
     return _compiled(union_scene(pairs, threads), pairs, threads)
 
 
-def union_scene(pairs: Pairs, threads: int) -> Scene:
+def union_scene(pairs: Pairs, where: Where) -> Scene:
     """The lower sheet is free, the upper one is an affine body: x = A r + t. Nothing is compiled yet."""
-    scene = Scene("contacts", threads=threads)
+    scene = new_scene("contacts", where)
     lower, upper = scene.add_mesh("lower"), scene.add_mesh("upper")
     free = lower.add_primitive("vertices", pairs.lower)
     position = free.add_attribute("position", 3, 1, value=pairs.vertices[: pairs.lower])
@@ -124,7 +126,7 @@ def union_scene(pairs: Pairs, threads: int) -> Scene:
 
 
 def _compiled(scene: Scene, pairs: Pairs, threads: int) -> ContactProblem:
-    compiled = scene.compile()
+    compiled = on_cpu(scene.compile())
     compiled.update_structure()
     return ContactProblem(pairs, compiled, threads)
 

@@ -8,7 +8,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from benchmarks.kernel_problem import projected_share
+from benchmarks.kernel_problem import on_cpu, projected_share
+from benchmarks.on_device import Where, new_scene
 from yasps import Scene
 from yasps.frontend import materials
 from yasps.frontend.attribute import Attribute
@@ -136,6 +137,13 @@ def hinges_of(triangles: IntArray) -> IntArray:
     return np.column_stack([sides[first], third[first], third[second]]).astype(np.int32)
 
 
+def first_of(elements: Elements, most: int) -> Elements:
+    """At most so many of the elements; all vertices stay."""
+    constants = {name: np.ascontiguousarray(values[:most]) for name, values in elements.constants.items()}
+    corners = np.ascontiguousarray(elements.corners[:most])
+    return Elements(elements.kind, elements.vertices, corners, constants, elements.noise)
+
+
 @dataclass(frozen=True)
 class Problem:
     """The scene of these elements, with one energy and one target."""
@@ -175,9 +183,9 @@ class ElementsScene:
     corners: Connectivity
 
 
-def elements_scene(elements: Elements, threads: int) -> ElementsScene:
+def elements_scene(elements: Elements, where: Where) -> ElementsScene:
     """The scene of these elements, with one energy and one target."""
-    scene = Scene("elements", threads=threads)
+    scene = new_scene("elements", where)
     position, corners = add_elements(scene, "body", elements)
     scene.add_minimize_target(position)
     return ElementsScene(scene, position, corners)
@@ -205,6 +213,6 @@ def add_elements(scene: Scene, name: str, elements: Elements) -> tuple[Attribute
 def make_problem(elements: Elements, threads: int) -> Problem:
     """The scene, compiled and its structure built."""
     made = elements_scene(elements, threads)
-    compiled = made.scene.compile()
+    compiled = on_cpu(made.scene.compile())
     compiled.update_structure()
     return Problem(elements, made.position, made.corners, compiled, threads)

@@ -85,7 +85,7 @@ class Contest:
         return Peer(self.label + case, peer.name, 1, work, 1e9 / peer.count, UNIT)
 
 
-PEERS: dict[str, Callable[[Elements, int], ArrayPeer]] = {"jax": jax_elements, "torch": torch_elements}
+PEERS: dict[str, Callable[..., ArrayPeer]] = {"jax": jax_elements, "torch": torch_elements}
 
 
 def make_contest(label: str, elements: Elements, threads: Sequence[int], most_of_peers: int) -> Contest:
@@ -112,24 +112,29 @@ def _rebuild(problem: Problem) -> None:
 
 
 def _check_peer(peer: ArrayPeer, elements: Elements, stored: Problem) -> str:
-    """Compares gradient and Hessian (times a vector) with yasps'; returns how the peer ran.
-
-    Not compared: projections in the cut and in the positions give different, equally semidefinite matrices.
-    """
-    width = 3 * elements.corners.shape[1]
-    stored.deform(0.1)
-    x = elements.deformed(0.1)
-    gradient, hessian = peer.derive(x)
-    ours = stored.compiled.assemble(project=False).reshape(-1, width)[: peer.count]
-    check_close("gradient", peer.name, ours, gradient)
-    vector = np.random.default_rng(1).standard_normal(stored.compiled.static_matrix.size)
-    product = stored.compiled.static_matrix.multiply(vector).reshape(-1, width)[: peer.count]
-    theirs = np.einsum("eij,ej->ei", hessian, vector.reshape(-1, width)[: peer.count])
-    check_close("Hessian", peer.name, product, theirs)
+    """Compares gradient and Hessian with yasps'; returns how the peer ran."""
+    check_peer(peer, elements, stored)
     return (
         f"{peer.name} {peer.version}, float64, {peer.count:,} of the elements, told to use one processor: it kept "
-        f"{peer.processors_busy(x):.2f} busy. Its gradient and Hessian agree with yasps'."
+        f"{peer.processors_busy(elements.deformed(0.1)):.2f} busy. Its gradient and Hessian agree with yasps'."
     )
+
+
+def check_peer(peer: ArrayPeer, elements: Elements, stored: Problem) -> None:
+    """Compares gradient and Hessian (times a vector) with yasps' on the first of the elements, stored one by one.
+
+    Not compared: projections in the cut and in the positions give different, equally semidefinite matrices. Raises
+    PeersDisagreeError.
+    """
+    width, count = 3 * elements.corners.shape[1], min(peer.count, len(stored.elements))
+    stored.deform(0.1)
+    gradient, hessian = peer.derive(elements.deformed(0.1))
+    ours = stored.compiled.assemble(project=False).reshape(-1, width)[:count]
+    check_close("gradient", peer.name, ours, gradient[:count])
+    vector = np.random.default_rng(1).standard_normal(stored.compiled.static_matrix.size)
+    product = stored.compiled.static_matrix.multiply(vector).reshape(-1, width)[:count]
+    theirs = np.einsum("eij,ej->ei", hessian[:count], vector.reshape(-1, width)[:count])
+    check_close("Hessian", peer.name, product, theirs)
 
 
 def check_close(what: str, peer: str, ours: FloatArray, theirs: FloatArray) -> None:

@@ -7,7 +7,7 @@ from functools import partial
 
 import numpy as np
 
-from benchmarks.element_problem import Elements, Problem, box_of_tets, make_problem, tets_of
+from benchmarks.element_problem import Elements, Problem, box_of_tets, first_of, make_problem, tets_of
 from benchmarks.element_rows import WHAT_ROWS_HOLD, check_close, make_contest
 from benchmarks.kernel_problem import FLOOR_NOTES, UNIT, floor_rows, measure_machine
 from benchmarks.measure import Peer, Report, Settings, measure
@@ -37,7 +37,7 @@ def run(settings: Settings) -> Report:
     first = contest.assembled[0].compiled
     sympy = None
     try:
-        sympy = sympy_tets(_first(tets, PEER_TETS), first.runtime.compiler)
+        sympy = sympy_tets(first_of(tets, PEER_TETS), first.runtime.compiler)
         about_sympy = _check_sympy(sympy, contest.assembled[0])
     except ImportError as error:
         about_sympy = f"No rows for SymPy + Eigen: {error}; to have them: pip install sympy cmeel-eigen"
@@ -74,13 +74,6 @@ def about(elements: Elements, settings: Settings, problem: Problem) -> list[str]
         f"{cpu_model()}, {available_processors()} processors; {problem.compiled.runtime.compiler.version}; "
         f"OMP_WAIT_POLICY {os.environ.get('OMP_WAIT_POLICY', 'not set')}.",
     ]
-
-
-def _first(elements: Elements, most: int) -> Elements:
-    """At most so many of the elements; all vertices stay."""
-    constants = {name: np.ascontiguousarray(values[:most]) for name, values in elements.constants.items()}
-    corners = np.ascontiguousarray(elements.corners[:most])
-    return Elements(elements.kind, elements.vertices, corners, constants, elements.noise)
 
 
 def _sympy_peers(sympy: SympyTets | None, case: str, amplitude: float, project: bool) -> list[Peer]:

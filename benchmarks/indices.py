@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import sparse
 
+from benchmarks.kernel_problem import on_cpu
 from benchmarks.measure import Peer, Report, Row, Settings, measure
 from yasps import Scene
 from yasps.frontend.attribute import Attribute
@@ -172,7 +173,7 @@ def _joined(primitive: Primitive, of: PrimitiveBase, indices: NDArray[np.int32],
 def _compiled(scene: Scene, primitive: Primitive, x: Attribute, unknowns: list[Attribute]) -> CpuScene:
     scene.add_energy(primitive.add_attribute("energy", computed_attribute=x.dot(x)))
     scene.add_minimize_target(unknowns)
-    compiled = scene.compile()
+    compiled = on_cpu(scene.compile())
     compiled.update_structure()
     return compiled
 

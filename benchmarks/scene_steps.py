@@ -3,16 +3,19 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Sequence
 
 import numpy as np
 
 from benchmarks.measure import Report, Row, Settings
-from yasps.examples.two_bunnies import two_bunnies
+from benchmarks.on_device import ON_DEVICE, Where, new_scene
+from yasps.examples.two_bunnies import TwoBunnies, two_bunnies
 from yasps.frontend.environment_report import cpu_model
 from yasps.frontend.mesh_file import read_tetrahedral_mesh
 from yasps.frontend.newton import NewtonReport
 from yasps.frontend.progress import TimeTable
 from yasps.frontend.rabbit import FEWEST_VERTICES, rabbit
+from yasps.runtime.device import Device
 from yasps.runtime.library import available_processors
 
 DESCRIPTION = "time steps of two_bunnies: seconds a frame, Newton and CG iterations, share of each stage"
@@ -30,8 +33,31 @@ NOTES = (
 
 def run(settings: Settings) -> Report:
     """Steps the scene with all threads asked for."""
+    return _report(settings, [settings.threads])
+
+
+def run_on_device(settings: Settings, device: Device) -> Report:
+    """Steps the scene on all threads, then on the device."""
+    report = _report(settings, [settings.threads, device])
+    note = f"threads {ON_DEVICE}: on {device.name}; finding contacts stays on the CPU, with all its threads."
+    return Report(report.rows, [note, *report.notes])
+
+
+def _report(settings: Settings, places: Sequence[Where]) -> Report:
     shape = read_tetrahedral_mesh(settings.mesh) if settings.mesh else rabbit(max(settings.size, FEWEST_VERTICES))
-    example = two_bunnies(shape, threads=settings.threads)
+    rows: list[Row] = []
+    for where in places:
+        example = two_bunnies(shape, scene=new_scene("two_bunnies", where))
+        rows += _rows_of(example, settings, where if isinstance(where, int) else ON_DEVICE)
+    about = (
+        f"{len(example.soft.vertices):,} vertices and {len(example.soft.tets):,} tets each, "
+        f"{FRAMES_PER_ROUND * settings.repeats} frames of {example.stepper.time_step} s; {cpu_model()}, "
+        f"{available_processors()} processors."
+    )
+    return Report(rows, [about, *NOTES])
+
+
+def _rows_of(example: TwoBunnies, settings: Settings, threads: int) -> list[Row]:
     example.scene.compile()
     for _ in range(FREE_FLIGHT):
         example.stepper.step()
@@ -48,7 +74,7 @@ def run(settings: Settings) -> Report:
     newton = sum(report.iterations for report in reports)
 
     def row(case: str, value: float, unit: str, median: float | None = None) -> Row:
-        return Row(case, "yasps", settings.threads, value, unit, median)
+        return Row(case, "yasps", threads, value, unit, median)
 
     rows = [
         row("frame", float(np.mean(seconds)), "s/frame", float(np.median(seconds))),
@@ -63,8 +89,4 @@ def run(settings: Settings) -> Report:
     positions = example.contact.positions()
     for name, part in (("soft", example.soft_vertices), ("stiff", example.stiff_vertices)):
         rows.append(row(f"height of the {name} body", float(positions[part, 2].mean()), "m"))
-    about = (
-        f"{len(example.soft.vertices):,} vertices and {len(example.soft.tets):,} tets each, {frames} frames of "
-        f"{example.stepper.time_step} s; {cpu_model()}, {available_processors()} processors."
-    )
-    return Report(rows, [about, *NOTES])
+    return rows

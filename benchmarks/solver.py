@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from scipy import sparse
 from scipy.sparse import linalg
 
+from benchmarks.kernel_problem import on_cpu
 from benchmarks.measure import Peer, Report, Row, Settings, measure
 from benchmarks.solver_problems import PROBLEMS, SolverProblem
 from yasps.frontend.environment_report import cpu_model
@@ -59,7 +60,7 @@ def run(settings: Settings) -> Report:
 
 def _rows_of(problem: SolverProblem, matrix: sparse.csr_array[np.float64], settings: Settings) -> list[Row]:
     parts, g = problem.parts, problem.gradient
-    runtime = problem.compiled.runtime
+    runtime = on_cpu(problem.compiled).runtime
     pcg = PcgSolver(runtime)
     x, report = pcg.solve(parts, g, TOLERANCE, MAX_ITERATIONS)
     if not report.converged:

@@ -9,10 +9,12 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
+from benchmarks.kernel_problem import on_cpu
+from benchmarks.on_device import Where, new_scene
 from yasps import Attribute, Scene
 from yasps.frontend import materials
+from yasps.frontend.compiled_scene import CompiledScene
 from yasps.frontend.contact import BarrierContact
-from yasps.frontend.cpu_scene import CpuScene
 from yasps.frontend.mesh import Mesh
 from yasps.frontend.primitive import Primitive
 from yasps.frontend.shapes import box
@@ -30,31 +32,32 @@ class SolverProblem:
     """Assembled H and g of H x = g, and how many pairs are in contact."""
 
     name: str
-    compiled: CpuScene
+    compiled: CompiledScene
     gradient: NDArray[np.float64]
     contacts: int = 0
 
     @property
     def parts(self) -> list[BlockMatrix]:
-        """Their sum is H."""
-        return [self.compiled.static_matrix, self.compiled.dynamic_matrix]
+        """Their sum is H. Not on a device."""
+        compiled = on_cpu(self.compiled)
+        return [compiled.static_matrix, compiled.dynamic_matrix]
 
 
-def soft(unknowns: int, threads: int) -> SolverProblem:
+def soft(unknowns: int, where: Where) -> SolverProblem:
     """A cube of rubber in motion: inertia outweighs stiffness."""
-    return _cube("soft", unknowns, threads, youngs_modulus=1e4)
+    return _cube("soft", unknowns, where, youngs_modulus=1e4)
 
 
-def stiff(unknowns: int, threads: int) -> SolverProblem:
+def stiff(unknowns: int, where: Where) -> SolverProblem:
     """The same of a material 1e5 times stiffer."""
-    return _cube("stiff", unknowns, threads, youngs_modulus=1e9)
+    return _cube("stiff", unknowns, where, youngs_modulus=1e9)
 
 
-def quasi_static(unknowns: int, threads: int) -> SolverProblem:
+def quasi_static(unknowns: int, where: Where) -> SolverProblem:
     """A beam held at one end bends under its weight; there is no inertia."""
     n = max(1, round((unknowns / 3 / 16) ** (1 / 3)))
     shape = box((1.6, 0.1, 0.1), (16 * n, n, n))
-    scene = Scene("quasi_static", threads=threads)
+    scene = new_scene("quasi_static", where)
     mesh = scene.add_mesh("beam")
     vertices, position = _add_vertices(mesh, shape, 0.0)
     mass = vertices.add_constant("mass", 1, 1, value=shape.vertex_masses(DENSITY))
@@ -69,7 +72,7 @@ def quasi_static(unknowns: int, threads: int) -> SolverProblem:
     return _assembled("quasi-static", scene)
 
 
-def in_contact(unknowns: int, threads: int) -> SolverProblem:
+def in_contact(unknowns: int, where: Where) -> SolverProblem:
     """Two slabs pressed together: barriers between all facing vertices and edges, far stiffer than the slabs.
 
     The right-hand side is what presses them, without the barriers' own forces: as close to rest, where these balance.
@@ -78,7 +81,7 @@ def in_contact(unknowns: int, threads: int) -> SolverProblem:
     lower = box((0.2, 0.2, 0.02), (n, n, 4)).translated((0.0, 0.0, -0.01))
     # Half a cell aside, so that no edges are parallel on top of each other and vertices face triangles.
     upper = box((0.2, 0.2, 0.02), (n, n, 4)).translated((0.05 / n, 0.03 / n, 0.01 + 0.2 * GAP))
-    scene = Scene("in_contact", threads=threads)
+    scene = new_scene("in_contact", where)
     members, loads = [], []
     for name, shape, pressure in (("lower", lower, -1.0), ("upper", upper, 1.0)):
         mesh = scene.add_mesh(name)
@@ -100,15 +103,15 @@ def in_contact(unknowns: int, threads: int) -> SolverProblem:
     return replace(_assembled("in contact", scene, len(contact.active)), gradient=np.concatenate(loads).reshape(-1))
 
 
-MakeProblem: TypeAlias = Callable[[int, int], SolverProblem]
-"""Unknowns, about, and threads."""
+MakeProblem: TypeAlias = Callable[[int, Where], SolverProblem]
+"""Unknowns, about, and where."""
 PROBLEMS: tuple[MakeProblem, ...] = (soft, stiff, quasi_static, in_contact)
 
 
-def _cube(name: str, unknowns: int, threads: int, youngs_modulus: float) -> SolverProblem:
+def _cube(name: str, unknowns: int, where: Where, youngs_modulus: float) -> SolverProblem:
     n = max(1, round((unknowns / 3) ** (1 / 3)) - 1)
     shape = box((0.2, 0.2, 0.2), (n, n, n))
-    scene = Scene(name, threads=threads)
+    scene = new_scene(name, where)
     mesh = scene.add_mesh("cube")
     vertices, position = _add_vertices(mesh, shape, 0.01)
     _add_inertia(vertices, position, shape)

@@ -81,8 +81,8 @@ def run(settings: Settings) -> Report:
         except MklNotFoundError as error:
             missing.append(str(error))
         for name, count, product in products:
-            _check_close(name, product(case.x), case)
-            peers.append(_product(case, name, count, product))
+            check_product(name, product(case.x), case)
+            peers.append(product_peer(case, name, count, product))
         rows += measure(peers, settings.repeats)
     rows += _floor(cases[0].plain, threads, settings.repeats)
     notes = [
@@ -140,8 +140,8 @@ def _yasps(runtime: Runtime, case: Case, threads: list[int]) -> list[Peer]:
     for name, matrix in (("yasps", case.reordered), ("yasps, not reordered", case.plain)):
         solver = PcgSolver(runtime)
         for count in threads:
-            _check_close(name, matrix.multiply(case.x, count), case)
-            peers.append(_product(case, name, count, partial(matrix.multiply, threads=count)))
+            check_product(name, matrix.multiply(case.x, count), case)
+            peers.append(product_peer(case, name, count, partial(matrix.multiply, threads=count)))
             solve = partial(solver.solve, [matrix], case.x, 0.0, ITERATIONS, threads=count)
             peers.append(Peer(f"{case.name}, one iteration", name, count, solve, 1e3 / ITERATIONS, UNIT))
     (group,) = case.plain.groups
@@ -154,7 +154,9 @@ def _scipy_product(matrix: sparse.bsr_array[np.float64], x: FloatArray) -> Float
     return np.asarray(matrix @ x)
 
 
-def _product(case: Case, name: str, threads: int, product: Callable[[FloatArray], FloatArray]) -> Peer:
+def product_peer(case: Case, name: str, threads: int, product: Callable[[FloatArray], FloatArray]) -> Peer:
+    """Products, some at a time."""
+
     def run() -> None:
         for _ in range(PRODUCTS):
             product(case.x)
@@ -162,7 +164,8 @@ def _product(case: Case, name: str, threads: int, product: Callable[[FloatArray]
     return Peer(case.name, name, threads, run, 1e3 / PRODUCTS, UNIT)
 
 
-def _check_close(name: str, result: FloatArray, case: Case) -> None:
+def check_product(name: str, result: FloatArray, case: Case) -> None:
+    """Raises PeersDisagreeError unless this is the matrix times x."""
     expected: FloatArray = np.asarray(case.full @ case.x)
     difference = float(np.abs(result - expected).max() / np.abs(expected).max())
     if not difference < AGREEMENT:
@@ -171,8 +174,13 @@ def _check_close(name: str, result: FloatArray, case: Case) -> None:
         )
 
 
+def moved_bytes(matrix: BlockMatrix) -> int:
+    """Bytes of the upper blocks and their columns, of x and of y."""
+    return matrix.values.nbytes + 4 * matrix.block_count + 2 * 8 * matrix.size
+
+
 def _floor(matrix: BlockMatrix, threads: list[int], repeats: int) -> list[Row]:
-    moved = matrix.values.nbytes + 4 * matrix.block_count + 2 * 8 * matrix.size
+    moved = moved_bytes(matrix)
     rows = [Row("floor", "bytes", 1, moved / 1e6, "MB")]
     for bandwidth in (memory_bandwidth(count, repeats) for count in threads):
         rows += [bandwidth, Row("floor", "copy", bandwidth.threads, moved / bandwidth.value / 1e6, UNIT)]

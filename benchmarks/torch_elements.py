@@ -4,6 +4,7 @@ clamped."""
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import partial
 from importlib import import_module
 from typing import Any
 
@@ -59,16 +60,19 @@ ENERGIES: dict[str, Callable[..., Any]] = {
 }
 
 
-def torch_elements(elements: Elements, most: int) -> ArrayPeer:
-    """PyTorch's functions for at most `most` elements, on one thread from now on.
+def torch_elements(elements: Elements, most: int, place: str = "cpu") -> ArrayPeer:
+    """PyTorch's functions for at most `most` elements, on one thread from now on, or (place "cuda") on the first GPU.
 
-    Raises ImportError when PyTorch is not installed.
+    Raises ImportError when PyTorch is not installed, or sees no GPU.
     """
     torch: Any = import_module("torch")
     torch.set_num_threads(1)
+    if place == "cuda" and not torch.cuda.is_available():
+        raise ImportError("PyTorch sees no GPU")
     count = min(most, len(elements))
-    corners = torch.from_numpy(elements.corners[:count].astype(np.int64))
-    constants = [torch.from_numpy(np.ascontiguousarray(array[:count])) for array in elements.constants.values()]
+    corners = torch.from_numpy(elements.corners[:count].astype(np.int64)).to(place)
+    given = elements.constants.values()
+    constants = [torch.from_numpy(np.ascontiguousarray(array[:count])).to(place) for array in given]
     energy_of = ENERGIES[elements.kind.name]
 
     def energy(flat: Any, *own: Any) -> Any:
@@ -77,18 +81,28 @@ def torch_elements(elements: Elements, most: int) -> ArrayPeer:
     gradient_of = torch.func.vmap(torch.func.grad(energy))
     hessian_of = torch.func.vmap(torch.func.hessian(energy))
 
-    def derivatives(x: FloatArray) -> tuple[Any, Any]:
-        own = torch.from_numpy(x)[corners].reshape(count, -1)
+    def derivatives(x: Any) -> tuple[Any, Any]:
+        own = x[corners].reshape(count, -1)
         return gradient_of(own, *constants), hessian_of(own, *constants)
 
-    def derive(x: FloatArray) -> tuple[FloatArray, FloatArray]:
-        gradient, hessian = derivatives(x)
-        return gradient.numpy(), hessian.numpy()
-
-    def derive_projected(x: FloatArray) -> tuple[FloatArray, FloatArray]:
+    def projected(x: Any) -> tuple[Any, Any]:
         gradient, hessian = derivatives(x)
         values, vectors = torch.linalg.eigh(hessian)
-        projected = (vectors * values.clamp(min=0.0)[:, None, :]) @ vectors.transpose(1, 2)
-        return gradient.numpy(), projected.numpy()
+        return gradient, (vectors * values.clamp(min=0.0)[:, None, :]) @ vectors.transpose(1, 2)
 
-    return ArrayPeer("PyTorch", torch.__version__, count, derive, derive_projected)
+    def there_and_back(function: Callable[[Any], tuple[Any, Any]], x: FloatArray) -> tuple[FloatArray, FloatArray]:
+        gradient, hessian = function(torch.from_numpy(x).to(place))
+        return gradient.cpu().numpy(), hessian.cpu().numpy()
+
+    def resident(x: FloatArray, project: bool) -> Callable[[], object]:
+        there, function = torch.from_numpy(x).to(place), projected if project else derivatives
+
+        def run() -> None:
+            function(there)
+            if place == "cuda":
+                torch.cuda.synchronize()
+
+        return run
+
+    derive, derive_projected = partial(there_and_back, derivatives), partial(there_and_back, projected)
+    return ArrayPeer("PyTorch", torch.__version__, count, derive, derive_projected, resident)

@@ -128,16 +128,24 @@ def activation_distance(shape: TetrahedralMesh) -> float:
 
 
 def two_bunnies(
-    shape: TetrahedralMesh, time_step: float = 0.01, threads: int | None = None, times: TimeTable | None = None
+    shape: TetrahedralMesh,
+    time_step: float = 0.01,
+    threads: int | None = None,
+    times: TimeTable | None = None,
+    scene: Scene | None = None,
 ) -> TwoBunnies:
-    """Builds the scene from one shape, about 1 high: a soft copy below, a stiff one above it, the ground at z = 0."""
+    """Builds the scene from one shape, about 1 high: a soft copy below, a stiff one above it, the ground at z = 0.
+
+    scene: a new one to build it in, on a GPU for example; without it, one on the processor with so many threads.
+    """
     size = np.ptp(shape.vertices[:, 2])
     shape = shape.centered((0.0, 0.0, 0.0)).scaled(SIZE / size)
     extent = shape.vertices.max(axis=0) - shape.vertices.min(axis=0)
     soft = shape.translated((0.0, 0.0, 0.5 * extent[2] + 0.1 * SIZE))
     stiff = shape.rotated((0.0, 0.0, 1.0), 0.9).translated((0.15 * SIZE, 0.1 * SIZE, 1.5 * extent[2] + 0.25 * SIZE))
 
-    scene = Scene("two_bunnies", threads=threads)
+    if scene is None:
+        scene = Scene("two_bunnies", threads=threads)
     soft_mesh, soft_part = add_soft_rabbit(scene, soft, time_step)
     stiff_mesh, stiff_part = add_stiff_rabbit(scene, stiff, time_step)
     floor = ground((10 * SIZE, 10 * SIZE), 0.0, (1, 1))
@@ -285,7 +293,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("--mesh", type=Path, help="a tetrahedral mesh file to use instead of the rabbit")
     parser.add_argument("--output", type=Path, default=Path("output/two_bunnies"), help="folder for files and pictures")
     parser.add_argument("--no-pictures", action="store_true", help="no picture and no animation")
-    parser.add_argument("--threads", type=int, help="threads (default: one for each processor)")
+    parser.add_argument("--device", default="cpu", help="cpu (default), cuda, or cuda:N for the GPU number N")
+    parser.add_argument("--threads", type=int, help="threads of the CPU (default: one for each processor)")
     parser.add_argument("--solver", choices=SOLVERS, default="pcg", help="of the linear systems (default pcg)")
     parser.add_argument("--projection", choices=WHEN_TO_PROJECT, default="always", help="of Hessians (default always)")
     options = parser.parse_args(arguments)
@@ -295,7 +304,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     shape = read_tetrahedral_mesh(options.mesh) if options.mesh else rabbit(options.vertices)
     times = TimeTable()
     with times.stage("build, and compile positions"):
-        example = two_bunnies(shape, threads=options.threads, times=times)
+        scene = Scene("two_bunnies", device=options.device, threads=options.threads)
+        example = two_bunnies(shape, times=times, scene=scene)
     settings = replace(example.stepper.settings, solver=options.solver, projection=options.projection)
     example.stepper.settings = settings
     print(f"{len(example.soft.vertices)} vertices and {len(example.soft.tets)} tets each", file=sys.stderr)

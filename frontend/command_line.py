@@ -17,6 +17,8 @@ from typing import Final
 
 from yasps.frontend.environment_report import environment_report, package_version
 from yasps.frontend.errors import YaspsError
+from yasps.runtime.cuda_driver import NoDeviceError
+from yasps.runtime.cuda_nvcc import CudaNotFoundError
 from yasps.runtime.toolchain import CacheFolderError, CompilerNotFoundError
 
 FAILED: Final = 1
@@ -57,7 +59,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
             _print_aligned(environment_report())
         else:
             _print_aligned({example.name: example.summary for example in find_examples().values()})
-    except (YaspsError, CompilerNotFoundError, CacheFolderError) as error:
+    except (YaspsError, CompilerNotFoundError, CacheFolderError, CudaNotFoundError, NoDeviceError) as error:
         if os.environ.get("YASPS_TRACEBACK") == "1":
             traceback.print_exc()
         print(f"yasps: error: {error}", file=sys.stderr)

@@ -79,6 +79,6 @@ def _ask(driver: ModuleType, function: str, *arguments: object) -> Any:
     return value
 
 
-def _check(driver: ModuleType, status: object, function: str) -> None:
+def _check(driver: ModuleType, status: Any, function: str) -> None:
     if status != driver.CUresult.CUDA_SUCCESS:
-        raise NoDeviceError(f"the NVIDIA driver does not work: {function} gave {status}; {_CPU_ADVICE}")
+        raise NoDeviceError(f"the NVIDIA driver does not work: {function} gave {status.name}; {_CPU_ADVICE}")

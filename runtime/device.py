@@ -173,7 +173,7 @@ class DeviceArray:
         except DeviceMemoryError:
             # Scenes are cycles of objects: those that nobody uses any more may not have given their memory back yet.
             gc.collect()
-            return self.device.allocate(size, self.purpose)
+        return self.device.allocate(size, self.purpose)
 
     def upload(self, values: NDArray[Any]) -> DeviceArray:
         """Takes shape and numbers of a host array; returns itself."""

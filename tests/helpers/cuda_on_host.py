@@ -85,10 +85,13 @@ class HostDevice:
     architecture = "sm_90"
     stream_address = 0
 
-    def __init__(self, most_bytes: int = MOST_BYTES, *, backwards: bool = False) -> None:
-        """backwards: the last thread runs first, so that sums whose order is left to the device come out otherwise."""
+    def __init__(self, most_bytes: int = MOST_BYTES, *, backwards: bool = False, flags: Sequence[str] = FLAGS) -> None:
+        """backwards: the last thread runs first, so that sums whose order is left to the device come out otherwise.
+
+        flags: of the C++ compiler, for generated code.
+        """
         self.used, self.most_bytes = 0, most_bytes
-        self.backwards = backwards
+        self.backwards, self.flags = backwards, tuple(flags)
         self._recording: HostGraph | None = None
         self.launches: list[str] = []
         """Names of the kernels launched, for tests."""
@@ -122,7 +125,7 @@ class HostDevice:
 
     def load(self, modules: Sequence[Source | str], runtime: Sequence[Source | str] = ()) -> HostProgram:
         """A program of these files of device code; a plain text can include runtime/cuda's."""
-        return HostProgram(ctypes.CDLL(str(build([*modules, *runtime]))))
+        return HostProgram(ctypes.CDLL(str(build([*modules, *runtime], self.flags))))
 
     def launch(self, kernel: HostKernel, threads: int, arguments: Sequence[int | float], *, block: int = BLOCK) -> None:
         if threads <= 0:
@@ -172,28 +175,37 @@ def _view(address: int, count: int, c_type: Any) -> NDArray[Any]:
     return np.ctypeslib.as_array((c_type * count).from_address(address)) if count else np.zeros(0, c_type)
 
 
-def build(texts: Sequence[Source | str]) -> Path:
+def build(texts: Sequence[Source | str], flags: Sequence[str] = FLAGS) -> Path:
     """A shared library of these files of device code; every kernel X gets a function X_launch.
 
     Files whose threads do not wait for each other, as generated ones, are compiled as one, each in a namespace: a scene
     has dozens, and most of their time is the compiler's start.
     """
-    compiler = find_compiler(FLAGS)
+    compiler = find_compiler(tuple(flags))
     items = [Source(f"on_host_{k}", item) if isinstance(item, str) else item for k, item in enumerate(texts)]
     wholes = [Source(item.name, with_includes(item.text)) for item in items]
-    sources = [Source(item.name, on_host([item.text], fibers=True)) for item in wholes if _WAITS.search(item.text)]
-    plain = [item.text for item in wholes if not _WAITS.search(item.text)]
+    sources = [Source(item.name, on_host([item], fibers=True)) for item in wholes if _WAITS.search(item.text)]
+    plain = [item for item in wholes if not _WAITS.search(item.text)]
     if plain:
         sources.append(Source("on_host", on_host(plain, fibers=False)))
     objects = compile_sources(sources, compiler)
     return link(objects, compiler, ("-Wl,-Bsymbolic", "-lm")).path
 
 
-def on_host(texts: Sequence[str], *, fibers: bool) -> str:
-    """The C++ text of files of device code, with the functions that launch their kernels."""
+def on_host(files: Sequence[Source], *, fibers: bool) -> str:
+    """The C++ text of files of device code, with the functions that launch their kernels.
+
+    Namespaces have different names in all texts that are linked: what they define is not that of another.
+    """
     lines = ["" if fibers else "#define NO_FIBERS", HEADER.read_text(encoding="utf-8")]
-    for k, text in enumerate(texts):
-        lines += [f"namespace file_{k} {{", text, *(_launcher(*found) for found in _kernels(text)), "}"]
+    for k, file in enumerate(files):
+        name = re.sub(r"\W", "_", file.name)
+        lines += [
+            f"namespace file_{k}_{name} {{",
+            file.text,
+            *(_launcher(*found) for found in _kernels(file.text)),
+            "}",
+        ]
     return "\n".join(lines)
 
 

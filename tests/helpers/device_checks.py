@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import partial
+from typing import Any
 
 import numpy as np
 import pytest
@@ -161,7 +162,7 @@ def check_two_bunnies(device: Device, steps: int = 7) -> None:
 def check_indices_of_the_device(device: Device) -> None:
     """Pairs of a dynamic energy from an array there, again with more of them, and refused where out of range."""
     scene = on_device(mixed_union(pairs=[]), device)
-    ends = scene.both.pp.ends
+    ends: Any = scene.both.pp.ends
     for pairs in (PAIRS[:1], PAIRS):
         ends.update_value(DeviceArray(device, np.int32, "pairs").upload(np.array(pairs)))
         expected = mixed_union(pairs=pairs)
