@@ -13,8 +13,11 @@ Entry points of an object X:
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from importlib.resources import files
 from typing import ClassVar
+
+from xdsl.ir import SSAValue
 
 from yasps.backend.cpp_curvature import curve_body
 from yasps.backend.cpp_function import vector_function, words_used
@@ -23,15 +26,11 @@ from yasps.backend.scene_view import SceneView, Slot
 from yasps.dialects.rel import (
     ApplyOp,
     AttributeOp,
-    CurvatureOp,
     DataOp,
     DerivativeOp,
-    JacobianOp,
     JoinOp,
     ObjectOp,
     ReadOp,
-    YieldCurvatureOp,
-    YieldJacobianOp,
     YieldOp,
     name_of,
 )
@@ -146,32 +145,16 @@ class CppObjectText(ObjectText):
             self.entry(
                 "pull",
                 f"long {SELF}_pull(Arguments a, long i, const V* b, long n, V* out)",
-                self.union_pull(attribute),
+                [
+                    *self.in_member(attribute, lambda name: f"return {self.pull_source(name, 'j', 'b', 'n', 'out')};"),
+                    "return 0;",
+                ],
             )
 
         if self.scene.is_union(attribute.symbol) and self.scene.is_curved(attribute.symbol):
             signature = f"long {SELF}_curve(Arguments a, long i, const double* v, double* out, long n)"
-            self.entry("curve", signature, self.union_curve(attribute))
-
-    def union_pull(self, attribute: AttributeOp) -> list[str]:
-        offsets, members = self.branches(attribute)
-        lines = []
-        for k, member in enumerate(members):
-            pull = self.pull_source(member, "j", "b", "n", "out")
-            lines.append(
-                f"if (i < {offsets}[{k + 1}]) {{ const long j = i - {offsets}[{k}]; (void)j; return {pull}; }}"
-            )
-        return [*lines, "return 0;"]
-
-    def union_curve(self, attribute: AttributeOp) -> list[str]:
-        offsets, members = self.branches(attribute)
-        lines = []
-        for k, member in enumerate(members):
-            curve = self.curve_source(member, "j", "v", "out", "n")
-            lines.append(
-                f"if (i < {offsets}[{k + 1}]) {{ const long j = i - {offsets}[{k}]; (void)j; return {curve}; }}"
-            )
-        return [*lines, "return 0;"]
+            body = self.in_member(attribute, lambda name: f"return {self.curve_source(name, 'j', 'v', 'out', 'n')};")
+            self.entry("curve", signature, [*body, "return 0;"])
 
     def curve_source(self, source: str, index: str, v: str, out: str, n: str) -> str:
         """Expression that adds the curvature behind `source`, contracted with v, to `out`."""
@@ -226,15 +209,8 @@ class CppObjectText(ObjectText):
         function, arguments = self.callee(definition, "pull")
         return f"{function}({arguments}, {index}, {b}, {n}, {out})"
 
-    def jacobian(self, jacobian: JacobianOp) -> None:
-        block = jacobian.body.block
-        terminator = block.last_op
-        assert isinstance(terminator, YieldJacobianOp)
-        call = terminator.jacobian.owner
-        assert isinstance(call, ApplyOp)
-        cotangent = block.args[0]
-        p, q = size_of(cotangent), size_of(terminator.jacobian)
-        slots = [slot for read in self.scene.wrt(jacobian) for slot in self.scene.slots(read)]
+    def pull(self, call: ApplyOp, cotangent: SSAValue, slots: Sequence[Slot]) -> None:
+        p, q = size_of(cotangent), sum(slot.size for slot in slots)
         direct = all(slot.is_target for slot in slots)
         lines = self.gather_scalar("double")
         to = "out"
@@ -262,26 +238,10 @@ class CppObjectText(ObjectText):
                 start += slot.size
             lines.append("return rows;")
         self.entry("pull", f"long {SELF}_pull(Arguments a, long i, const V* b, long n, V* out)", lines)
-        name = name_of(jacobian.attribute)
-        if self.scene.is_curved(name):
-            second = None
-            if name in self.scene.curvatures:
-                function, arguments = self.callee(self.scene.curvatures[name].symbol, "second")
-                second = f"{function}({arguments}, i, v, second);"
-            transposed = self.gather_scalar("double")
-            transposed += [f"double w[{q}];", self.call(call, {**self.names(), cotangent: "v"}, ["w"], "double")]
-            signature = f"long {SELF}_curve(Arguments a, long i, const double* v, double* out, long n)"
-            self.entry("curve", signature, curve_body(self, slots, second, transposed))
 
-    def curvature(self, curvature: CurvatureOp) -> None:
-        block = curvature.body.block
-        terminator = block.last_op
-        assert isinstance(terminator, YieldCurvatureOp)
-        call = terminator.hessian.owner
-        assert isinstance(call, ApplyOp)
-        names = {**self.names(), block.args[0]: "v"}
-        lines = [*self.gather_scalar("double"), self.call(call, names, ["out"], "double")]
-        self.entry("second", f"void {SELF}_second(Arguments a, long i, const double* v, double* out)", lines)
+    def curve(self, slots: Sequence[Slot], second: str | None, transposed: Sequence[str]) -> None:
+        signature = f"long {SELF}_curve(Arguments a, long i, const double* v, double* out, long n)"
+        self.entry("curve", signature, curve_body(self, slots, second, transposed))
 
     def derivative(self, derivative: DerivativeOp) -> None:
         from yasps.backend.cpp_derivative import derivative_body

@@ -13,19 +13,16 @@ from importlib.resources import files
 from itertools import groupby
 from typing import ClassVar
 
+from xdsl.ir import SSAValue
+
 from yasps.backend.cuda_expand import curve_body
-from yasps.backend.object_text import SELF, ObjectEmitter, ObjectText, c_type, size_of
+from yasps.backend.object_text import SELF, ObjectEmitter, ObjectText, c_type
 from yasps.backend.scene_view import Slot
 from yasps.dialects.rel import (
     ApplyOp,
     AttributeOp,
-    CurvatureOp,
     DerivativeOp,
-    JacobianOp,
     ObjectOp,
-    YieldCurvatureOp,
-    YieldJacobianOp,
-    name_of,
 )
 
 PRELUDE = files("yasps.backend").joinpath("cuda_prelude.cuh").read_text(encoding="utf-8")
@@ -114,30 +111,11 @@ class CudaObjectText(ObjectText):
         if self.scene.is_union(attribute.symbol):
             if self.scene.reaches_target(attribute.symbol):
                 signature = f"long {SELF}_pull(Arguments a, long i, const double* b, double* out)"
-                self.entry("pull", signature, self.union_pull(attribute))
+                body = self.in_member(attribute, lambda name: f"return {self.pull_source(name, 'j', 'b', 'out')};")
+                self.entry("pull", signature, [*body, "return 0;"])
             if self.scene.is_curved(attribute.symbol):
-                self.entry("curve", CURVE_SIGNATURE, self.union_curve(attribute))
-
-    def union_pull(self, attribute: AttributeOp) -> list[str]:
-        """Statements of the entry `pull` of a UNION: that of the member."""
-        offsets, members = self.branches(attribute)
-        lines = []
-        for k, member in enumerate(members):
-            here = f"const long j = i - {offsets}[{k}]; (void)j;"
-            lines.append(
-                f"if (i < {offsets}[{k + 1}]) {{ {here} return {self.pull_source(member, 'j', 'b', 'out')}; }}"
-            )
-        return [*lines, "return 0;"]
-
-    def union_curve(self, attribute: AttributeOp) -> list[str]:
-        """Statements of the entry `curve` of a UNION."""
-        offsets, members = self.branches(attribute)
-        lines = []
-        for k, member in enumerate(members):
-            curve = self.curve_source(member, "j", "v", "to")
-            here = f"const long j = i - {offsets}[{k}]; (void)j;"
-            lines.append(f"if (i < {offsets}[{k + 1}]) {{ {here} {curve} return; }}")
-        return lines
+                body = self.in_member(attribute, lambda name: f"{self.curve_source(name, 'j', 'v', 'to')} return;")
+                self.entry("curve", CURVE_SIGNATURE, body)
 
     def pull_source(self, source: str, index: str, b: str, out: str) -> str:
         """Expression that writes the rows behind `source` and says how many they are; without b it only counts."""
@@ -216,15 +194,8 @@ class CudaObjectText(ObjectText):
         lines += [f"    {line}" for line in self.over_connected(slot, f"{curve} reached += {count};")]
         return [*lines, "}"]
 
-    def jacobian(self, jacobian: JacobianOp) -> None:
-        block = jacobian.body.block
-        terminator = block.last_op
-        assert isinstance(terminator, YieldJacobianOp)
-        call = terminator.jacobian.owner
-        assert isinstance(call, ApplyOp)
-        cotangent = block.args[0]
-        q = size_of(terminator.jacobian)
-        slots = [slot for read in self.scene.wrt(jacobian) for slot in self.scene.slots(read)]
+    def pull(self, call: ApplyOp, cotangent: SSAValue, slots: Sequence[Slot]) -> None:
+        q = sum(slot.size for slot in slots)
         direct = all(slot.is_target for slot in slots)
         target = "out" if direct else "w"
         compute = [*self.gather_scalar("double"), self.call(call, {**self.names(), cotangent: "b"}, [target], "double")]
@@ -240,25 +211,9 @@ class CudaObjectText(ObjectText):
                 lines += [f"for (long k = 0; k < {same.count}; ++k) {{", *(f"    {line}" for line in pull), "}"]
             lines.append("return rows;")
         self.entry("pull", f"long {SELF}_pull(Arguments a, long i, const double* b, double* out)", lines)
-        name = name_of(jacobian.attribute)
-        if self.scene.is_curved(name):
-            second = None
-            if name in self.scene.curvatures:
-                function, arguments = self.callee(self.scene.curvatures[name].symbol, "second")
-                second = f"{function}({arguments}, i, v, second);"
-            transposed = self.gather_scalar("double")
-            transposed += [f"double w[{q}];", self.call(call, {**self.names(), cotangent: "v"}, ["w"], "double")]
-            self.entry("curve", CURVE_SIGNATURE, curve_body(self, ranges_of(slots), second, transposed))
 
-    def curvature(self, curvature: CurvatureOp) -> None:
-        block = curvature.body.block
-        terminator = block.last_op
-        assert isinstance(terminator, YieldCurvatureOp)
-        call = terminator.hessian.owner
-        assert isinstance(call, ApplyOp)
-        names = {**self.names(), block.args[0]: "v"}
-        lines = [*self.gather_scalar("double"), self.call(call, names, ["out"], "double")]
-        self.entry("second", f"void {SELF}_second(Arguments a, long i, const double* v, double* out)", lines)
+    def curve(self, slots: Sequence[Slot], second: str | None, transposed: Sequence[str]) -> None:
+        self.entry("curve", CURVE_SIGNATURE, curve_body(self, ranges_of(slots), second, transposed))
 
     def derivative(self, derivative: DerivativeOp) -> None:
         from yasps.backend.cuda_derivative import PARAMETERS, derivative_body

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import hashlib
 from abc import ABC, abstractmethod
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import ClassVar
 
@@ -33,6 +33,8 @@ from yasps.dialects.rel import (
     RefOp,
     TargetIndexOp,
     UnionOp,
+    YieldCurvatureOp,
+    YieldJacobianOp,
     YieldOp,
     name_of,
 )
@@ -300,13 +302,45 @@ class ObjectText(ABC):
     def attribute(self, attribute: AttributeOp) -> None:
         """Entries of a computed attribute."""
 
-    @abstractmethod
     def jacobian(self, jacobian: JacobianOp) -> None:
         """Entries of an attribute's Jacobian."""
+        block = jacobian.body.block
+        terminator = block.last_op
+        assert isinstance(terminator, YieldJacobianOp)
+        call = terminator.jacobian.owner
+        assert isinstance(call, ApplyOp)
+        cotangent = block.args[0]
+        slots = [slot for read in self.scene.wrt(jacobian) for slot in self.scene.slots(read)]
+        self.pull(call, cotangent, slots)
+        name = name_of(jacobian.attribute)
+        if not self.scene.is_curved(name):
+            return
+        second = None
+        if name in self.scene.curvatures:
+            function, arguments = self.callee(self.scene.curvatures[name].symbol, "second")
+            second = f"{function}({arguments}, i, v, second);"
+        names = {**self.names(), cotangent: "v"}
+        transposed = [f"double w[{size_of(terminator.jacobian)}];", self.call(call, names, ["w"], "double")]
+        self.curve(slots, second, [*self.gather_scalar("double"), *transposed])
 
     @abstractmethod
+    def pull(self, call: ApplyOp, cotangent: SSAValue, slots: Sequence[Slot]) -> None:
+        """The entry `pull` of an attribute whose J^T v is computed by `call` for the vector v = `cotangent`."""
+
+    @abstractmethod
+    def curve(self, slots: Sequence[Slot], second: str | None, transposed: Sequence[str]) -> None:
+        """The entry `curve`; see curve_body."""
+
     def curvature(self, curvature: CurvatureOp) -> None:
         """Entries of a nonlinear attribute's second derivatives."""
+        block = curvature.body.block
+        terminator = block.last_op
+        assert isinstance(terminator, YieldCurvatureOp)
+        call = terminator.hessian.owner
+        assert isinstance(call, ApplyOp)
+        names = {**self.names(), block.args[0]: "v"}
+        lines = [*self.gather_scalar("double"), self.call(call, names, ["out"], "double")]
+        self.entry("second", f"void {SELF}_second(Arguments a, long i, const double* v, double* out)", lines)
 
     @abstractmethod
     def derivative(self, derivative: DerivativeOp) -> None:
@@ -328,6 +362,14 @@ class ObjectText(ABC):
         """Pointer to the union's prefix sums, and the members in order."""
         members = self.scene.union_members(attribute.symbol)
         return self.bind("offsets", name_of(attribute.owner)), members
+
+    def in_member(self, attribute: AttributeOp, statement: Callable[[str], str]) -> list[str]:
+        """Runs what `statement` gives for the member of a UNION that instance i belongs to, as instance j."""
+        offsets, members = self.branches(attribute)
+        return [
+            f"if (i < {offsets}[{k + 1}]) {{ const long j = i - {offsets}[{k}]; (void)j; {statement(member)} }}"
+            for k, member in enumerate(members)
+        ]
 
     def union_value(self, attribute: AttributeOp, scalar: str) -> list[str]:
         offsets, members = self.branches(attribute)

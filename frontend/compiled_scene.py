@@ -23,7 +23,7 @@ from yasps.frontend.entity import Entity
 from yasps.frontend.errors import ConnectivityError, NotFiniteError
 from yasps.frontend.hessian import Hessian
 from yasps.frontend.primitive import Primitive, PrimitiveBase, PrimitiveUnion
-from yasps.frontend.scene_source import SceneSource
+from yasps.frontend.scene_source import CompileRequest, SceneSource
 from yasps.runtime.block_matrix import BlockGroup
 from yasps.runtime.library import Projection
 from yasps.runtime.solver import SolveReport
@@ -98,39 +98,21 @@ class _Reads:
 class CompiledScene(ABC):
     """Machine code for energies, targets and outputs of a scene, bound to its arrays."""
 
-    def __init__(
-        self,
-        scene_name: str,
-        energies: Sequence[EnergyTerm],
-        targets: Sequence[Attribute],
-        outputs: Sequence[Attribute],
-        *,
-        dump_to: Path | None,
-        dump_locations: bool = False,
-    ) -> None:
-        self.targets = list(targets)
+    def __init__(self, request: CompileRequest) -> None:
+        self.targets = list(request.targets)
         start = time.perf_counter()
-        self._source = SceneSource(
-            scene_name,
-            energies,
-            targets,
-            outputs,
-            emitter_of=self._emitter,
-            key=self._key(),
-            dump_to=dump_to,
-            dump_locations=dump_locations,
-        )
+        self._source = SceneSource(request, self._emitter, self._key())
         self.emitter, self.code = self._source.emitter, self._source.code
         symbolic = time.perf_counter() - start
-        modules = self._build(dump_to)
+        modules = self._build(request.dump_to)
         native = time.perf_counter() - start - symbolic
         self.report = CompileReport(symbolic, native, tuple(modules))
         self._starts: dict[str, NDArray[np.int64]] = {}
         self._offsets: dict[str, NDArray[np.int64]] = {}
-        self._terms = self._make_terms(energies)
+        self._terms = self._make_terms(request.energies)
         self._owners = set(self.emitter.owners.values())
         self._connected = set(self.emitter.connected.values())
-        self._static_reads = _Reads([energy.attribute for energy in energies if not energy.dynamic])
+        self._static_reads = _Reads([energy.attribute for energy in request.energies if not energy.dynamic])
         self._bound = False
         self._static_valid = False
         self._dynamic_valid = False

@@ -13,11 +13,11 @@ from yasps.backend.cpp_object import CppEmitter
 from yasps.backend.object_text import Binding
 from yasps.backend.program import CompiledModule, Program
 from yasps.backend.scene_view import SceneView
-from yasps.frontend.attribute import Attribute, FloatArray, Stored
+from yasps.frontend.attribute import FloatArray, Stored
 from yasps.frontend.compiled_scene import CompiledScene, Term
-from yasps.frontend.emit import EnergyTerm
 from yasps.frontend.instance_order import OrderedReads, own_reads, rows_of
 from yasps.frontend.primitive import Primitive
+from yasps.frontend.scene_source import CompileRequest
 from yasps.runtime.assembly import Assembler, KernelCall, evaluate
 from yasps.runtime.block_matrix import BlockGroup, BlockMatrix
 from yasps.runtime.library import Projection, Runtime
@@ -39,25 +39,14 @@ class Placement:
 class CpuScene(CompiledScene):
     """A compiled scene on the processor."""
 
-    def __init__(
-        self,
-        scene_name: str,
-        energies: Sequence[EnergyTerm],
-        targets: Sequence[Attribute],
-        outputs: Sequence[Attribute],
-        *,
-        runtime: Runtime,
-        deterministic: bool = False,
-        dump_to: Path | None,
-        dump_locations: bool = False,
-    ) -> None:
+    def __init__(self, request: CompileRequest, runtime: Runtime, *, deterministic: bool = False) -> None:
         self.runtime = runtime
         self.placements: dict[str, Placement] = {}
         self.static_matrix = BlockMatrix(runtime, with_diagonal=True)
         self.dynamic_matrix = BlockMatrix(runtime, with_diagonal=False)
         self._assembler = Assembler(runtime, deterministic=deterministic)
         self._solver = LinearSolver(runtime, deterministic=deterministic)
-        super().__init__(scene_name, energies, targets, outputs, dump_to=dump_to, dump_locations=dump_locations)
+        super().__init__(request)
 
     def _key(self) -> Sequence[str]:
         return [str(self.runtime.compiler.has_vector_math)]

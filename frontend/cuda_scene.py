@@ -20,11 +20,11 @@ from yasps.backend.cuda_program import NONE_BAD, CudaProgram, DerivativeLaunch, 
 from yasps.backend.object_text import Binding
 from yasps.backend.program import CompiledModule
 from yasps.backend.scene_view import SceneView
-from yasps.frontend.attribute import Attribute, FloatArray, Stored
+from yasps.frontend.attribute import FloatArray, Stored
 from yasps.frontend.compiled_scene import CompiledScene, Term
 from yasps.frontend.device_report import CUDA_KEY
-from yasps.frontend.emit import EnergyTerm
 from yasps.frontend.errors import ConnectivityError, DataError
+from yasps.frontend.scene_source import CompileRequest
 from yasps.runtime.block_matrix import BlockGroup
 from yasps.runtime.cuda_block_matrix import BuildScratch, CudaBlockMatrix, CudaGradient
 from yasps.runtime.cuda_solver import CudaSolver
@@ -61,23 +61,12 @@ class _Placement:
 class CudaScene(CompiledScene):
     """A compiled scene on a device."""
 
-    def __init__(
-        self,
-        scene_name: str,
-        energies: Sequence[EnergyTerm],
-        targets: Sequence[Attribute],
-        outputs: Sequence[Attribute],
-        *,
-        device: Device,
-        deterministic: bool = False,
-        dump_to: Path | None,
-        dump_locations: bool = False,
-    ) -> None:
+    def __init__(self, request: CompileRequest, device: Device, *, deterministic: bool = False) -> None:
         self.device = device
         self._deterministic = deterministic
         self._mirrors: dict[Binding, _Mirror] = {}
         self._placements: dict[str, _Placement] = {}
-        super().__init__(scene_name, energies, targets, outputs, dump_to=dump_to, dump_locations=dump_locations)
+        super().__init__(request)
 
     def _key(self) -> Sequence[str]:
         return CUDA_KEY

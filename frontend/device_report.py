@@ -3,14 +3,11 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 from yasps.backend.cuda_object import CudaEmitter
 from yasps.backend.cuda_program import modules_of
-from yasps.frontend.attribute import Attribute
-from yasps.frontend.emit import EnergyTerm
-from yasps.frontend.scene_source import SceneSource
+from yasps.frontend.scene_source import CompileRequest, SceneSource
 from yasps.runtime.cuda_device import cub_source
 from yasps.runtime.cuda_report import ModuleRow
 from yasps.runtime.cuda_sources import runtime_sources
@@ -49,16 +46,14 @@ class DeviceCompileReport:
         return "\n".join([f"{self.architecture}: compiled, not run", head, *lines])
 
 
-def compile_for_device(
-    scene_name: str, energies: Sequence[EnergyTerm], targets: Sequence[Attribute], architecture: str
-) -> DeviceCompileReport:
+def compile_for_device(request: CompileRequest, architecture: str) -> DeviceCompileReport:
     """Compiles and links all device code of a scene; needs the CUDA toolkit but no GPU.
 
     Raises CudaNotFoundError, CompilationError, UnsupportedSceneError.
     """
     toolchain = find_cuda(architecture)
     start = time.perf_counter()
-    source = SceneSource(scene_name, energies, targets, [], emitter_of=CudaEmitter, key=CUDA_KEY)
+    source = SceneSource(request, CudaEmitter, CUDA_KEY)
     symbolic = time.perf_counter()
     program = build_program(toolchain, modules_of(source.code), runtime_sources(), [cub_source()])
     return DeviceCompileReport(architecture, program.rows, symbolic - start, time.perf_counter() - symbolic)

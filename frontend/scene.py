@@ -24,6 +24,7 @@ from yasps.frontend.errors import NameTakenError, NotConvergedError, SceneError,
 from yasps.frontend.hessian import Hessian
 from yasps.frontend.mesh import Mesh
 from yasps.frontend.newton_system import advice_on, check_choices, check_limits, solve_newton_system
+from yasps.frontend.scene_source import CompileRequest
 from yasps.frontend.spelling import both_spellings
 from yasps.runtime.library import Runtime, load_runtime
 from yasps.runtime.solver import SolveReport
@@ -351,7 +352,7 @@ class Scene(Entity):
         if arch is not None:
             from yasps.frontend.device_report import compile_for_device
 
-            return compile_for_device(self.name, self._energies, self._targets, arch)
+            return compile_for_device(CompileRequest(self.name, self._energies, self._targets), arch)
         if self._compiled is None or self._compiled.is_outgrown:
             self._compiled = self._compile_for(self._energies, self._targets, [], self._dump_folder())
         return self._compiled
@@ -364,31 +365,14 @@ class Scene(Entity):
         dump_to: Path | None,
         dump_locations: bool = False,
     ) -> CompiledScene:
+        request = CompileRequest(self.name, energies, targets, outputs, dump_to, dump_locations)
         compiled: CompiledScene
         if not self.is_on_device:
-            compiled = CpuScene(
-                self.name,
-                energies,
-                targets,
-                outputs,
-                runtime=self.runtime,
-                deterministic=self._deterministic,
-                dump_to=dump_to,
-                dump_locations=dump_locations,
-            )
+            compiled = CpuScene(request, self.runtime, deterministic=self._deterministic)
         else:
             from yasps.frontend.cuda_scene import CudaScene
 
-            compiled = CudaScene(
-                self.name,
-                energies,
-                targets,
-                outputs,
-                device=self.device,
-                deterministic=self._deterministic,
-                dump_to=dump_to,
-                dump_locations=dump_locations,
-            )
+            compiled = CudaScene(request, self.device, deterministic=self._deterministic)
         self._alive.add(compiled)
         return compiled
 

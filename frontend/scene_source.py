@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 
 from xdsl.dialects.builtin import ModuleOp
@@ -19,29 +20,37 @@ from yasps.passes.pipeline import run_pipeline
 from yasps.runtime.toolchain import kept_text
 
 
+@dataclass(frozen=True)
+class CompileRequest:
+    """What of a scene is compiled.
+
+    dump_to: where the IR after every pass and the generated sources are written, if anywhere; with locations: with the
+    line of Python that made each attribute.
+    """
+
+    scene_name: str
+    energies: Sequence[EnergyTerm]
+    targets: Sequence[Attribute]
+    outputs: Sequence[Attribute] = ()
+    dump_to: Path | None = None
+    dump_locations: bool = False
+
+
 class SceneSource:
     """What is compiled. `emitter`: knows the scene's parts by their symbols; `code`: what was generated."""
 
     def __init__(
-        self,
-        scene_name: str,
-        energies: Sequence[EnergyTerm],
-        targets: Sequence[Attribute],
-        outputs: Sequence[Attribute],
-        *,
-        emitter_of: Callable[[SceneView], ObjectEmitter],
-        key: Sequence[str],
-        dump_to: Path | None = None,
-        dump_locations: bool = False,
+        self, request: CompileRequest, emitter_of: Callable[[SceneView], ObjectEmitter], key: Sequence[str]
     ) -> None:
         """emitter_of: writes the device's language; key: what the code depends on apart from the scene.
 
         Raises UnsupportedSceneError.
         """
-        self.emitter = SceneEmitter(scene_name)
-        self._unlowered: ModuleOp | None = self.emitter.emit(energies, targets, outputs)
+        self.emitter = SceneEmitter(request.scene_name)
+        emitted = self.emitter.emit(request.energies, request.targets, request.outputs)
+        self._unlowered: ModuleOp | None = emitted
         self._module: ModuleOp | None = None
-        self.code = self._generate(emitter_of, key, dump_to, locations=dump_locations)
+        self.code = self._generate(emitter_of, key, request.dump_to, locations=request.dump_locations)
 
     @property
     def module(self) -> ModuleOp:
