@@ -8,6 +8,7 @@ from __future__ import annotations
 import ctypes
 import sys
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from importlib.resources import files
 from typing import Any
@@ -100,6 +101,8 @@ class Gpu:
         self._core_stream = self._device.create_stream()
         self.stream = driver.CUstream(int(self._core_stream.handle))
         self._recording = False
+        self._freed: list[int] = []
+        """Addresses whose memory was given back while a graph was recorded."""
         self._cub: ctypes.CDLL | None = None
         self._scratch = DeviceArray(self, np.uint8, "the scratch memory of sorts")
 
@@ -124,8 +127,8 @@ class Gpu:
         status, *values = getattr(self._driver, function)(*arguments)
         if status != self._driver.CUresult.CUDA_SUCCESS:
             raise DeviceError(
-                f"the GPU {self.name} failed in {function}: {status}. After an error like an illegal address nothing "
-                "more can run on it in this process; compute-sanitizer says which kernel it was"
+                f"the GPU {self.name} failed in {function}: {status.name}. After an error like an illegal address "
+                "nothing more can run on it in this process; compute-sanitizer says which kernel it was"
             )
         return values[0] if len(values) == 1 else tuple(values)
 
@@ -142,14 +145,18 @@ class Gpu:
                 f"{free / 1e6:.1f} MB are free"
             )
         if status != self._driver.CUresult.CUDA_SUCCESS:
-            raise DeviceError(f"the GPU {self.name} has no memory for {purpose}: {status}")
+            raise DeviceError(f"the GPU {self.name} has no memory for {purpose}: {status.name}")
         return GpuMemory(self, int(address), size)
 
     def free(self, address: int) -> None:
-        """Gives memory back once the work before is done."""
+        """Gives memory back once the work before is done. Nothing is raised: an error shows in the next call."""
         if sys.is_finalizing():
             return  # the process gives everything back
-        self.call("cuMemFreeAsync", address, self.stream)
+        if self._recording:
+            self._freed.append(address)  # on the stream now it would become a part of the graph
+            return
+        self._device.set_current()
+        self._driver.cuMemFreeAsync(address, self.stream)
 
     def upload(self, array: NDArray[Any], address: int) -> None:
         """Copies to the device."""
@@ -195,12 +202,26 @@ class Gpu:
         self._recording = True
         try:
             work()
+        except BaseException:
+            with suppress(DeviceError):  # what went wrong in `work` is what to tell
+                self.call("cuGraphDestroy", self._end_recording())
+            raise
+        graph = self._end_recording()
+        try:
+            executable = self.call("cuGraphInstantiate", graph, 0)
         finally:
-            self._recording = False
-            graph = self.call("cuStreamEndCapture", self.stream)
-        executable = self.call("cuGraphInstantiate", graph, 0)
-        self.call("cuGraphDestroy", graph)
+            self.call("cuGraphDestroy", graph)
         return GpuGraph(self, executable)
+
+    def _end_recording(self) -> Any:
+        """The graph of what was recorded."""
+        self._recording = False
+        try:
+            return self.call("cuStreamEndCapture", self.stream)
+        finally:
+            freed, self._freed = self._freed, []
+            for address in freed:
+                self.free(address)
 
     def sort_pairs(self, keys: tuple[int, int], values: tuple[int, int], count: int, bits: int) -> None:
         """By CUB's radix sort."""

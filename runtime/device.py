@@ -163,17 +163,17 @@ class DeviceArray:
             grown = wanted if self._memory is None else wanted + wanted // 4
             self._memory, self.shape = None, (0,)  # frees first: old and new need not fit together
             if wanted:
-                self._memory = self._allocate(grown)
+                self._memory = self._allocate(grown, wanted)
         self.shape = shape
         return self
 
-    def _allocate(self, size: int) -> Memory:
+    def _allocate(self, size: int, least: int) -> Memory:
         try:
             return self.device.allocate(size, self.purpose)
         except DeviceMemoryError:
             # Scenes are cycles of objects: those that nobody uses any more may not have given their memory back yet.
             gc.collect()
-        return self.device.allocate(size, self.purpose)
+        return self.device.allocate(least, self.purpose)
 
     def upload(self, values: NDArray[Any]) -> DeviceArray:
         """Takes shape and numbers of a host array; returns itself."""

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 from counting_device import CountingDevice
 from cuda_on_host import HostDevice
-from device_checks import on_device as on
+from device_checks import on_device
 from device_scenes import BODY, close_pairs, contact, free, held, lever
 from small_scenes import mixed_union, soft_tets
 
@@ -93,7 +93,7 @@ def test_architectures_that_the_toolkit_does_not_know(arch: str) -> None:
 
 
 def test_the_direct_solver_is_not_on_a_device(device: HostDevice) -> None:
-    scene = on(device, mixed_union())
+    scene = on_device(mixed_union(), device)
     for work in (scene.solve, scene.minimize_energy):
         with pytest.raises(DataError, match=r"solver='direct' runs on the CPU only: take solver='pcg' or 'auto'"):
             work(solver="direct")
@@ -110,7 +110,7 @@ def test_the_direct_solver_is_not_on_a_device(device: HostDevice) -> None:
 
 def test_out_of_memory_says_how_much_and_for_what() -> None:
     device = HostDevice()
-    scene, reference = on(device, mixed_union()), mixed_union()
+    scene, reference = on_device(mixed_union(), device), mixed_union()
     scene.compile()
     device.most_bytes = device.used + 600
     messages = []
@@ -142,7 +142,7 @@ def test_any_allocation_may_fail_and_the_scene_works_afterwards() -> None:
     device = CountingDevice()
 
     def make() -> Scene:
-        return on(device, held(contact(free, lever, pairs=6), 1.0))
+        return on_device(held(contact(free, lever, pairs=6), 1.0), device)
 
     def work(scene: Scene) -> list[np.ndarray]:
         solution = scene.solve(1e-20)
@@ -189,10 +189,10 @@ def fail_once(device: CountingDevice, refused: int, work: object) -> None:
 
 def test_memory_of_scenes_that_nobody_uses_is_taken_back_when_there_is_no_other() -> None:
     device = HostDevice()
-    first = on(device, mixed_union())
+    first = on_device(mixed_union(), device)
     first.gradient()
     device.most_bytes = device.used + 2000
-    second = on(device, mixed_union())
+    second = on_device(mixed_union(), device)
     gc.disable()
     try:
         with pytest.raises(DeviceMemoryError):

@@ -10,13 +10,14 @@ import numpy as np
 import pytest
 from counting_device import CountingDevice
 from cuda_on_host import HostDevice
-from device_checks import on_device as on
+from device_checks import on_device
 from device_scenes import BODY, SCENES, close_pairs, contact, free, held, lever
 from layered_scenes import ring_scene
 from numpy.typing import NDArray
 from small_scenes import dense_assembly, emit, mixed_union, soft_tets
 
 from yasps import NotFiniteError, Scene
+from yasps.backend import cuda_program
 from yasps.backend.interpreter import Interpreter
 from yasps.frontend.cuda_scene import CudaScene
 
@@ -55,7 +56,7 @@ def assert_same_derivatives(scene: Scene, reference: Scene) -> None:
 
 @pytest.mark.parametrize("name", SCENES)
 def test_results_are_those_of_the_processor_and_of_the_interpreter(device: HostDevice, name: str) -> None:
-    reference, scene = SCENES[name](), on(device, SCENES[name]())
+    reference, scene = SCENES[name](), on_device(SCENES[name](), device)
     assert_same_derivatives(scene, reference)
     assert_close(hessian(scene, projected=False), hessian(reference, projected=False))
 
@@ -77,8 +78,8 @@ def test_results_are_those_of_the_processor_and_of_the_interpreter(device: HostD
 
 @pytest.mark.parametrize("name", ["mixed_union", "levers", "nonlinear_contact"])
 def test_deterministic_scenes_give_the_same_bits_in_any_order_of_threads(device: HostDevice, name: str) -> None:
-    def results(on_device: HostDevice, deterministic: bool) -> list[Array]:
-        scene = on(on_device, SCENES[name](), deterministic=deterministic)
+    def results(given: HostDevice, deterministic: bool) -> list[Array]:
+        scene = on_device(SCENES[name](), given, deterministic=deterministic)
         solution = scene.solve(1e-8)
         return [*solution.gradient, *solution.directions, hessian(scene), np.array([scene.total_energy()])]
 
@@ -94,7 +95,7 @@ def test_deterministic_scenes_give_the_same_bits_in_any_order_of_threads(device:
 
 def test_scenes_share_a_device() -> None:
     device = HostDevice()
-    first, second = on(device, mixed_union()), on(device, mixed_union(projection="abs"))
+    first, second = on_device(mixed_union(), device), on_device(mixed_union(projection="abs"), device)
     first_alone, second_alone = mixed_union(), mixed_union(projection="abs")
     for _ in range(2):
         assert_same_derivatives(first, first_alone)
@@ -129,7 +130,7 @@ def copied(device: CountingDevice, scene: Scene, work: Callable[[], object]) -> 
 
 def test_only_what_changed_is_copied_to_the_device() -> None:
     device = CountingDevice()
-    scene, reference = on(device, mixed_union()), mixed_union()
+    scene, reference = on_device(mixed_union(), device), mixed_union()
     everything = copied(device, scene, scene.solve)
     assert len(everything) == len(set(everything)) == len(mirrors(scene))
     for work in (scene.total_energy, scene.gradient, scene.hessian, scene.solve, scene.energy_values):
@@ -156,7 +157,7 @@ def test_only_what_changed_is_copied_to_the_device() -> None:
 def test_little_comes_back() -> None:
     """A solve brings the gradient, the solution, and how derivatives and the solver ended."""
     device = CountingDevice()
-    scene = on(device, mixed_union())
+    scene = on_device(mixed_union(), device)
     scene.solve()
     device.downloads.clear()
     solution = scene.solve()
@@ -167,7 +168,7 @@ def test_little_comes_back() -> None:
 
 
 def test_an_attribute_is_computed_on_the_device(device: HostDevice) -> None:
-    scene, reference = on(device, mixed_union()), mixed_union()
+    scene, reference = on_device(mixed_union(), device), mixed_union()
     for attribute, wanted in ((scene.both.v["x"], reference.both.v["x"]), (scene.stiff.v["x"], reference.stiff.v["x"])):
         assert_close(attribute.compute().array, wanted.compute().array)
     scene.stiff.body["t"].update_value([5.0, 6.0, 7.0])
@@ -182,7 +183,7 @@ def test_an_attribute_is_computed_on_the_device(device: HostDevice) -> None:
 def test_pairs_that_come_and_go(deterministic: bool) -> None:
     device = CountingDevice()
     bodies = (free, lever)
-    scene = on(device, held(contact(*bodies, pairs=0), 1.0), deterministic=deterministic)
+    scene = on_device(held(contact(*bodies, pairs=0), 1.0), device, deterministic=deterministic)
     reference = held(contact(*bodies, pairs=0), 1.0)
     for step, count in enumerate((0, 3, 300, 20, 0, 0, 150)):
         pairs = close_pairs(step, count, BODY * len(bodies))
@@ -203,9 +204,20 @@ def test_pairs_that_come_and_go(deterministic: bool) -> None:
     assert used <= grown == device.used, "memory is kept when there are fewer pairs"
 
 
+@pytest.mark.parametrize("deterministic", [False, True])
+def test_threads_with_a_workspace_take_several_instances(
+    device: HostDevice, deterministic: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """There are only so many, because each has global memory of its own."""
+    monkeypatch.setattr(cuda_program, "MOST_THREADS_WITH_WORKSPACE", 100)
+    scene = on_device(contact(free, lever, pairs=1000), device, deterministic=deterministic)
+    assert any(code.workspace for code in scene.compile().code.codes.values())
+    assert_same_derivatives(scene, contact(free, lever, pairs=1000))
+
+
 def test_rows_of_variable_arity_that_grow(device: HostDevice) -> None:
     """Longer rows than the code was compiled for need a new compile; the same length or shorter ones do not."""
-    scene = on(device, ring_scene("mean", nonlinear=True, projection="clamp"))
+    scene = on_device(ring_scene("mean", nonlinear=True, projection="clamp"), device)
     reference = ring_scene("mean", nonlinear=True, projection="clamp")
     first = scene.compile()
     random = np.random.default_rng(0)
@@ -218,7 +230,7 @@ def test_rows_of_variable_arity_that_grow(device: HostDevice) -> None:
 
 
 def test_a_new_energy_and_a_new_target_compile_everything_anew(device: HostDevice) -> None:
-    scene, reference = on(device, soft_tets()), soft_tets()
+    scene, reference = on_device(soft_tets(), device), soft_tets()
     assert_same_derivatives(scene, reference)
     for part in (scene, reference):
         vertices = part.m.v
@@ -251,7 +263,7 @@ def test_primitives_without_instances(device: HostDevice) -> None:
         scene.add_minimize_target([y, x])
         return scene
 
-    scene, reference = on(device, make()), make()
+    scene, reference = on_device(make(), device), make()
     assert_same_derivatives(scene, reference)
     assert [len(part) for part in scene.solve().directions] == [0, 6]
 
@@ -265,7 +277,7 @@ def test_a_scene_without_unknowns(device: HostDevice) -> None:
         scene.add_minimize_target(y)
         return scene
 
-    scene = on(device, make())
+    scene = on_device(make(), device)
     assert scene.total_energy() == 0.0
     solution = scene.solve()
     assert solution.report.converged

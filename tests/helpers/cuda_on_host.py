@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from yasps.runtime.cuda_report import ModuleRow
 from yasps.runtime.cuda_sources import with_includes
-from yasps.runtime.device import BLOCK, DeviceMemoryError
+from yasps.runtime.device import BLOCK, DeviceMemoryError, Kernel
 from yasps.runtime.toolchain import Source, compile_sources, find_compiler, link
 
 HEADER = Path(__file__).resolve().with_name("cuda_on_host.h")
@@ -71,7 +71,7 @@ class HostProgram:
 
 class HostGraph:
     def __init__(self) -> None:
-        self.work: list[Callable[[], None]] = []
+        self.work: list[Callable[[], object]] = []
 
     def launch(self) -> None:
         for step in self.work:
@@ -101,7 +101,7 @@ class HostDevice:
             raise DeviceMemoryError(f"{purpose} needs {size} bytes, but only {self.most_bytes - self.used} are free")
         return HostMemory(self, size)
 
-    def _do(self, work: Callable[[], None]) -> None:
+    def _do(self, work: Callable[[], object]) -> None:
         if self._recording is None:
             work()
         else:
@@ -118,18 +118,19 @@ class HostDevice:
         ctypes.memmove(array.ctypes.data, address, array.nbytes)
 
     def copy(self, source: int, address: int, size: int) -> None:
-        self._do(lambda: ctypes.memmove(address, source, size) and None)
+        self._do(lambda: ctypes.memmove(address, source, size))
 
     def clear(self, address: int, size: int) -> None:
-        self._do(lambda: ctypes.memset(address, 0, size) and None)
+        self._do(lambda: ctypes.memset(address, 0, size))
 
     def load(self, modules: Sequence[Source | str], runtime: Sequence[Source | str] = ()) -> HostProgram:
         """A program of these files of device code; a plain text can include runtime/cuda's."""
         return HostProgram(ctypes.CDLL(str(build([*modules, *runtime], self.flags))))
 
-    def launch(self, kernel: HostKernel, threads: int, arguments: Sequence[int | float], *, block: int = BLOCK) -> None:
+    def launch(self, kernel: Kernel, threads: int, arguments: Sequence[int | float], *, block: int = BLOCK) -> None:
         if threads <= 0:
             return
+        assert isinstance(kernel, HostKernel)
         numbers = [ctypes.c_double(a) if isinstance(a, float) else ctypes.c_long(a) for a in arguments]
         grid = -(-threads // block)
 

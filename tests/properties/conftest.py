@@ -9,6 +9,7 @@ import pytest
 
 sys.path.insert(0, str(Path(__file__).parent))  # the helper modules of this folder, as in tests/conftest.py
 
+from cuda_on_host import FLAGS, HostDevice
 from profiles import IS_NIGHTLY, register
 
 from yasps.runtime.library import Runtime, load_runtime
@@ -25,3 +26,9 @@ def runtime() -> Runtime:
     """
     flags = DEFAULT_FLAGS if IS_NIGHTLY else ("-O0", *DEFAULT_FLAGS[1:])
     return load_runtime(find_compiler(flags), 2)
+
+
+@pytest.fixture(scope="session")
+def device() -> HostDevice:
+    """The device that all scenes for devices run on; flags as for `runtime`."""
+    return HostDevice(flags=FLAGS if IS_NIGHTLY else ("-O0", *FLAGS[1:]))

@@ -167,9 +167,9 @@ MUTATIONS = (
     ),
     Mutation(
         "kernels: a union's branches all start at 0 in the pull-back",
-        "backend/cpp_object.py",
-        "const long j = i - {offsets}[{k}]; (void)j; return {pull};",
-        "const long j = i - {offsets}[0]; (void)j; return {pull};",
+        "backend/object_text.py",
+        "const long j = i - {offsets}[{k}]; (void)j; {statement(member)}",
+        "const long j = i - {offsets}[0]; (void)j; {statement(member)}",
         "tests/properties/test_scenes.py",
     ),
     Mutation(
@@ -206,6 +206,41 @@ MUTATIONS = (
         "projection.mode.data",
         '("abs" if projection.mode.data == "clamp" else "clamp")',
         "tests/properties/test_scenes.py",
+    ),
+    Mutation(
+        "device: blocks of a slot with itself are expanded from both sides",
+        "backend/cuda_expand.py",
+        'begin = "s" if other is one else "0"',
+        'begin = "0"',
+        "tests/properties/test_scenes.py::test_kernels_of_devices",
+    ),
+    Mutation(
+        "device: what lies behind a nonlinear layer is dropped",
+        "backend/cuda_expand.py",
+        "return [*lines, *transposed, *behind] if behind else lines",
+        "return lines",
+        "tests/properties/test_scenes.py::test_layers_of_layers_on_devices",
+    ),
+    Mutation(
+        "device: two slots that are the same unknowns add a block once",
+        "backend/cuda_prelude.cuh",
+        "both ? b[r * C + c] + b[c % R * C + r % C] : b[r * C + c]",
+        "b[r * C + c]",
+        "tests/properties/test_scenes.py::test_kernels_of_devices",
+    ),
+    Mutation(
+        "device: merged slots add an entry of the diagonal once",
+        "backend/cuda_dense_prelude.cuh",
+        "r != c && to[r] == to[c] ? 2.0 * value : value",
+        "value",
+        "tests/properties/test_scenes.py::test_kernels_of_devices",
+    ),
+    Mutation(
+        "device: means are not divided in the pull-back",
+        "backend/cuda_object.py",
+        'if slot.reduction == "mean":\n            lines += ["    if (from)"',
+        'if slot.reduction == "sum":\n            lines += ["    if (from)"',
+        "tests/properties/test_scenes.py::test_kernels_of_devices",
     ),
 )
 

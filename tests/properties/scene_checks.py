@@ -15,6 +15,7 @@ from yasps.backend.interpreter import Interpreter, SceneData
 from yasps.dialects.rel import name_of
 from yasps.frontend.cpu_scene import CpuScene
 from yasps.passes.pipeline import run_pipeline
+from yasps.runtime.device import Device
 from yasps.runtime.library import Runtime
 
 Array = NDArray[np.float64]
@@ -164,3 +165,17 @@ def check_kernels(scene: Scene, runtime: Runtime) -> CpuScene:
         bends = [Interpreter(compiled.module, numbers).gradient().imag / STEP for numbers in moved]
         assert_close((hessian @ along).T, bends, "Hessian of the kernels against complex steps")
     return compiled
+
+
+def check_device_kernels(scene: Scene, device: Device) -> None:
+    """The text of device code, and all around it, against the interpreter."""
+    scene._device_name = device
+    compiled = scene.compile()
+    emitted = emit(scene)
+    interpreter = Interpreter(compiled.module, emitted.data)
+    assert_close(compiled.total_energy(), interpreter.total_energy(), "energy of the device's kernels", 1e-12)
+    wanted_gradient, wanted = assemble(compiled.module, emitted.data)
+    gradient = compiled.assemble()
+    assert_close(gradient, wanted_gradient, "gradient of the device's kernels")
+    assert_close(compiled.hessian().to_scipy().toarray(), wanted, "Hessian of the device's kernels")
+    assert_close(compiled.assemble(hessian=False), wanted_gradient, "gradient alone")

@@ -56,7 +56,7 @@ def test_what_is_missing_is_said() -> None:
         device_of(driver_of([], status=Status.CUDA_ERROR_NO_DEVICE), 0)
     with pytest.raises(NoDeviceError, match=r"knows CUDA 12\.8, .*CUDA 13\.0.*580"):
         device_of(driver_of([(9, 0)], version=12080), 0)
-    with pytest.raises(NoDeviceError, match="cuInit gave"):
+    with pytest.raises(NoDeviceError, match="cuInit gave CUDA_ERROR_SYSTEM_NOT_READY; device='cpu' works"):
         device_of(driver_of([(9, 0)], status=Status.CUDA_ERROR_SYSTEM_NOT_READY), 0)
 
 
