@@ -64,10 +64,10 @@ inline Vector<Eight> times(const Matrix<cols>& m, const Vector<Eight>& b) {
     return result;
 }
 
-// Entry k of eight packed matrices among those collected.
+// Entry k of a pack of matrices.
 inline Eight load_entry(const double* h, int k) {
     Eight entry;
-    load_lanes(h + k * kCollected, &entry);
+    load_lanes(h + k * kLanes, &entry);
     return entry;
 }
 // Where entry (r, s) of a matrix is, r <= s.
@@ -202,7 +202,7 @@ void find_modes(const Blocks<Eight>& blocks, const Columns<Eight>& e, const Colu
     for (int j = 0; j < 2 && cols == 2; ++j) modes->add(blocks.last[j], 1, [&] { return outer<cols>(u.c[2], v.c[j]); });
 }
 
-// Adds missing mode mode^T of all modes to eight packed matrices among those collected.
+// Adds missing mode mode^T of all modes to a pack of matrices.
 template <int cols>
 void add_modes(const Modes<cols>& modes, double* h) {
     constexpr int n = 3 * cols;
@@ -210,7 +210,7 @@ void add_modes(const Modes<cols>& modes, double* h) {
     for (int r = 0; r < n; ++r) {
         Eight row[n];
 #pragma GCC unroll 9
-        for (int s = r; s < n; ++s) row[s] = Eight{};
+        for (int s = r; s < n; ++s) row[s] = load_entry(h, s - r);
         for (int k = 0; k < modes.count; ++k) {
             const Eight* const mode = modes.mode[k].at;
             const Eight scaled = modes.missing[k] * mode[r];
@@ -218,10 +218,7 @@ void add_modes(const Modes<cols>& modes, double* h) {
             for (int s = r; s < n; ++s) row[s] = row[s] + scaled * mode[s];
         }
 #pragma GCC unroll 9
-        for (int s = r; s < n; ++s, h += kCollected) {
-            const Eight before = load_entry(h, 0);
-            store_lanes(h, select(modes.lanes, before + row[s], before));
-        }
+        for (int s = r; s < n; ++s, h += kLanes) store_lanes(h, select(modes.lanes, row[s], load_entry(h, 0)));
     }
 }
 
@@ -238,14 +235,15 @@ inline V power_of_two(V v, int sign) {
         v);
 }
 
-// Columns of the collected deformations, scaled to about one by powers of two. Those that are not finite are zero, and
+// Columns of the deformations of a group, scaled to about one by powers of two. Those that are not finite are zero, and
 // their bits are set in `failed`.
 template <int cols>
-Columns<Sixteen> scaled_columns(const double* deformations, unsigned* failed) {
+Columns<Sixteen> scaled_columns(const Group& group, unsigned* failed) {
+    const double* const second = group.companions[group.halves - 1];  // any numbers do if there is none
     Sixteen entries[3 * cols], sum = {};
 #pragma GCC unroll 9
     for (int k = 0; k < 3 * cols; ++k) {
-        load_lanes(deformations + k * kCollected, &entries[k]);
+        entries[k] = pair(load_entry(group.companions[0], k), load_entry(second, k));
         sum = sum + magnitude(entries[k]);
     }
     const auto finite = less(sum, constant<Sixteen>(INFINITY));
@@ -269,28 +267,58 @@ inline Columns<Eight> half(const Columns<Sixteen>& from, int k) {
     return to;
 }
 
-// Bits of lanes whose Hessian is too close to the ends of the number range for sums and products of its entries.
-inline unsigned lanes_out_of_range(const double* sizes) {
-    Sixteen size;
-    load_lanes(sizes, &size);
+// The sum of the absolute values of all blocks' entries, which is about the size of the matrix. Not finite where an
+// entry of the matrix is not.
+inline Eight size_of_blocks(const Blocks<Eight>& blocks) {
+    Eight size = magnitude(blocks.last[0]) + magnitude(blocks.last[1]);
+#pragma GCC unroll 3
+    for (int k = 0; k < 3; ++k)
+        size = size + (magnitude(blocks.same.diagonal[k]) + magnitude(blocks.same.opposite[k])) +
+               (magnitude(blocks.alike[k]) + magnitude(blocks.across[k]));
+    return size;
+}
+// Bits of lanes whose Hessian is not too close to the ends of the number range for sums and products of its entries.
+inline unsigned lanes_in_range(const Sixteen& size) {
     const auto tiny = less(size, constant<Sixteen>(1e-290)) & less(Sixteen{}, size);
-    return bits_of(tiny | less(constant<Sixteen>(1e290), size));
+    return bits_of(less(size, constant<Sixteen>(1e290))) & ~bits_of(tiny);
 }
 
-// Projects the collected matrices. f: columns of the deformations, scaled to about one. Bits of those for which it
-// could not be done are set in `unfinished`.
+// Projects some lanes of a group by the eigenvalues of the whole matrices.
 template <int cols>
-NegativePart project_collected(const Collected& collected, const Columns<Sixteen>& f, int packs, bool flip) {
+__attribute__((noinline)) NegativePart project_generally(const Group& group, unsigned lanes, bool flip) {
+    constexpr int width = 3 * cols, entries = width * (width + 1) / 2;
+    const size_t scratch = static_cast<size_t>(negative_part_scratch(width)) * sizeof(double);
+    alignas(64) double whole[entries * kCollected], sizes[kCollected];
+    const auto in_group = [&group](int k, int lane) -> double& {
+        return group.matrices[lane / kLanes][k * kLanes + lane % kLanes];
+    };
+    for (int k = 0; k < entries; ++k)
+        for (int lane = 0; lane < kCollected; ++lane)
+            whole[k * kCollected + lane] = lanes >> lane & 1 ? in_group(k, lane) : 0.0;
+    NegativePart result = {0, sizes_of(whole, entries, group.halves, sizes)};
+    if (result.unfinished != 0) return result;
+    remove_negative_part(whole, kCollected, sizes, width, group.halves, flip,
+                         static_cast<double*>(__builtin_alloca_with_align(scratch, 8 * sizeof(d8))), &result);
+    for (int k = 0; k < entries; ++k)
+        for (int lane = 0; lane < kCollected; ++lane)
+            if (lanes >> lane & 1) in_group(k, lane) = whole[k * kCollected + lane];
+    return {result.changed & lanes, result.unfinished & lanes};
+}
+
+// Projects the matrices of a group.
+template <int cols>
+NegativePart project_group(const Group& group, bool flip) {
     constexpr int width = 3 * cols;
+    unsigned failed;
     Columns<Sixteen> u, v, e;
-    unsigned failed = singular_frames<cols>(f, u, v);
+    const Columns<Sixteen> f = scaled_columns<cols>(group, &failed);
+    failed |= singular_frames<cols>(f, u, v);
 
     Blocks<Eight> blocks[2];
-    if (packs == 1) blocks[1] = {};
-    for (int k = 0; k < packs; ++k)
-        blocks[k] = blocks_of<cols>(collected.matrices + k * kLanes, half(u, k), half(v, k));
-    Sixteen size;
-    load_lanes(collected.sizes, &size);
+    if (group.halves == 1) blocks[1] = {};
+    for (int k = 0; k < group.halves; ++k) blocks[k] = blocks_of<cols>(group.matrices[k], half(u, k), half(v, k));
+    const Sixteen size = pair(size_of_blocks(blocks[0]), size_of_blocks(blocks[1]));
+    failed |= ~lanes_in_range(size);
     const Sixteen down = power_of_two(size, -1), up = power_of_two(size, 1);
     Symmetric<Sixteen> same;
 #pragma GCC unroll 3
@@ -300,20 +328,22 @@ NegativePart project_collected(const Collected& collected, const Columns<Sixteen
     }
     failed |= diagonalise<cols>(same, e);
 
-    NegativePart result = {0, failed};
-    for (int k = 0; k < packs; ++k) {
-        double* const h = collected.matrices + k * kLanes;
+    NegativePart result = {};
+    failed &= group.lanes;
+    if (failed != 0) result = project_generally<cols>(group, failed, flip);
+    for (int k = 0; k < group.halves; ++k) {
+        double* const h = group.matrices[k];
 #pragma GCC unroll 3
         for (int i = 0; i < 3; ++i) blocks[k].same.diagonal[i] = half(same.diagonal[i] * up, k);
         Eight trace = {};
 #pragma GCC unroll 9
         for (int i = 0; i < width; ++i) trace = trace + magnitude(load_entry(h, entry_at<cols>(i, i)));
-        const auto changed = less(smallest_eigenvalue(blocks[k]), trace * -kProjectionShift);
-        const unsigned bits = bits_of(changed);
-        result.changed |= bits << (k * kLanes);
-        if (bits == 0) continue;
         Modes<cols> modes;
-        modes.lanes = changed;
+        mask_lanes((group.lanes & ~failed) >> k * kLanes, &modes.lanes);
+        modes.lanes = modes.lanes & less(smallest_eigenvalue(blocks[k]), trace * -kProjectionShift);
+        const unsigned changed = bits_of(modes.lanes);
+        result.changed |= changed << (k * kLanes);
+        if (changed == 0) continue;
         modes.factor = flip ? 2 : 1;
         modes.count = 0;
         find_modes<cols>(blocks[k], half(e, k), half(u, k), half(v, k), &modes);
@@ -322,37 +352,13 @@ NegativePart project_collected(const Collected& collected, const Columns<Sixteen
     return result;
 }
 
-// The same where some lanes are out of range: these by the eigenvalues of the whole matrix.
-template <int cols>
-__attribute__((noinline)) NegativePart project_with_some_general(const Collected& collected, const Columns<Sixteen>& f,
-                                                                 int packs, bool flip, unsigned out_of_range) {
-    constexpr int width = 3 * cols, entries = width * (width + 1) / 2;
-    const size_t scratch = static_cast<size_t>(negative_part_scratch(width)) * sizeof(double);
-    alignas(64) double whole[entries * kCollected];
-    memcpy(whole, collected.matrices, sizeof(whole));
-    NegativePart general;
-    remove_negative_part(whole, kCollected, collected.sizes, width, packs, flip,
-                         static_cast<double*>(__builtin_alloca_with_align(scratch, 8 * sizeof(d8))), &general);
-    const NegativePart isotropic = project_collected<cols>(collected, f, packs, flip);
-    const unsigned failed = isotropic.unfinished | out_of_range;
-    for (int lane = 0; lane < kCollected; ++lane)
-        for (int i = 0; i < entries && failed >> lane & 1; ++i)
-            collected.matrices[i * kCollected + lane] = whole[i * kCollected + lane];
-    return {(isotropic.changed & ~failed) | (general.changed & failed), general.unfinished & failed};
-}
-
 template <int cols>
 long project(double* packed, const double* deformation, long lanes, Mode mode) {
     constexpr int width = 3 * cols;
     const Packs packs = {packed, deformation, width, width, lanes};
-    alignas(64) double memory[(width * (width + 1) / 2 + 1 + width) * kCollected];
-    return project_failing<width>(packs, memory, mode == kLeave, [mode](const Collected& collected, int count) {
-        const bool flip = mode == kAbsolute;
-        unsigned general;
-        const Columns<Sixteen> f = scaled_columns<cols>(collected.companions, &general);
-        general |= lanes_out_of_range(collected.sizes);
-        return general == 0 ? project_collected<cols>(collected, f, count, flip)
-                            : project_with_some_general<cols>(collected, f, count, flip, general);
+    alignas(64) double memory[(width * (width + 1) / 2 + width) * kCollected];
+    return project_failing<width, 1>(packs, memory, mode == kLeave, [mode](const Group& group) {
+        return project_group<cols>(group, mode == kAbsolute);
     });
 }
 

@@ -10,24 +10,26 @@ namespace {
 constexpr long kLargestStack = 1 << 18;
 
 long project(const Packs& packs, Mode mode, double* memory) {
-    double* const scratch = memory + collected_size(packs);
-    const auto decompose = [&](const Collected& collected, int count) {
-        NegativePart result;
-        remove_negative_part(collected.matrices, kCollected, collected.sizes, packs.n, count, mode == kAbsolute,
-                             scratch, &result);
+    double* const scratch = memory + memory_size(packs);
+    const auto decompose = [&](const Group& group) {
+        alignas(64) double sizes[kCollected];
+        NegativePart result = {0, sizes_of(group.matrices[0], packs.entries(), group.halves, sizes) & group.lanes};
+        if (result.unfinished == 0)
+            remove_negative_part(group.matrices[0], kCollected, sizes, packs.n, group.halves, mode == kAbsolute,
+                                 scratch, &result);
         return result;
     };
     switch (packs.n) {
         case 3:
-            return project_failing<3>(packs, memory, mode == kLeave, decompose);
+            return project_failing<3, kHalves>(packs, memory, mode == kLeave, decompose);
         case 6:
-            return project_failing<6>(packs, memory, mode == kLeave, decompose);
+            return project_failing<6, kHalves>(packs, memory, mode == kLeave, decompose);
         case 9:
-            return project_failing<9>(packs, memory, mode == kLeave, decompose);
+            return project_failing<9, kHalves>(packs, memory, mode == kLeave, decompose);
         case 12:
-            return project_failing<12>(packs, memory, mode == kLeave, decompose);
+            return project_failing<12, kHalves>(packs, memory, mode == kLeave, decompose);
         default:
-            return project_failing<0>(packs, memory, mode == kLeave, decompose);
+            return project_failing<0, kHalves>(packs, memory, mode == kLeave, decompose);
     }
 }
 
@@ -48,7 +50,7 @@ long yasps_project(double* packed, int width, int lanes, int mode) {
     using namespace yasps;
     if (width <= 0) return 0;
     const Packs packs = {packed, nullptr, width, 0, lanes};
-    const long size = negative_part_scratch(width) + collected_size(packs);
+    const long size = negative_part_scratch(width) + memory_size(packs);
     if (size * static_cast<long>(sizeof(double)) <= kLargestStack) {
         void* const memory = __builtin_alloca_with_align(static_cast<size_t>(size) * sizeof(double), 8 * sizeof(d8));
         return project(packs, static_cast<Mode>(mode), static_cast<double*>(memory));

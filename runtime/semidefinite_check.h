@@ -2,7 +2,7 @@
 //
 // Most matrices of a simulation are semidefinite, and an LDL^T factorisation of eight at once finds out at a fraction
 // of the cost of a decomposition. Matrices that fail are collected from all packs, so that decomposing them keeps the
-// lanes of two vectors busy.
+// lanes of two vectors busy. Packs of which nearly all lanes fail can be decomposed as they are.
 #pragma once
 
 #include <float.h>
@@ -72,10 +72,18 @@ inline Check check_pack(const d8_unaligned* a, int any_width, d8* work) {
     return check;
 }
 
-// Bit set of lanes with an entry that is not finite.
+// Bit set of lanes that do not pass. Near the ends of the number range the factorisation overflows, and none does:
+// there the eigenvalues decide, after scaling.
+inline unsigned failing_lanes(const Check& check) {
+    const l8 safe = (check.trace < 1e290) & ((check.trace > 1e-290) | (check.trace == 0.0));
+    return bits_of_eight(~(check.passed & safe));
+}
+
+// Bit set of lanes with an entry that is not finite; entries follow each other kRow vectors apart.
+template <int kRow = 1>
 inline unsigned not_finite_lanes(const d8_unaligned* a, long entries) {
     l8 finite = ~l8{};
-    for (long k = 0; k < entries; ++k) finite &= size_of(a[k]) <= DBL_MAX;
+    for (long k = 0; k < entries; ++k) finite &= size_of(a[k * kRow]) <= DBL_MAX;
     return bits_of_eight(~finite);
 }
 
@@ -95,44 +103,44 @@ struct Packs {
     }
 };
 
-// Failing lanes of one pack, and the slots of one half of the collected where they are decomposed, in the same order.
+// Failing lanes of one pack, and the slots of a half where they are decomposed, in the same order.
 struct Run {
     long pack;
-    int half;
     unsigned lanes, slots;
 };
-// Matrices drawn from several packs. They stay in their packs until sixteen are known.
-struct Collected {
-    double* matrices;    // [entries, kCollected]
-    double* sizes;       // [kCollected]: sum of the absolute values of the triangle
-    double* companions;  // [companions, kCollected]
+// Eight matrices that are decomposed together: a pack as it lies there, or drawn from several, which stay in their
+// packs until it is their turn.
+struct Half {
+    bool in_place;
     int count, run_count;
-    Run runs[kCollected];
+    Run runs[kLanes];
 };
-inline long collected_size(const Packs& packs) { return (packs.entries() + 1 + packs.companions) * kCollected; }
+constexpr int kHalves = 2;  // that are decomposed together
+// A pack is decomposed in place if at least so many lanes fail: to draw them together costs more than idle lanes.
+constexpr int kMostLanes = 6;
+
+// What is decomposed at once.
+struct Group {
+    double* matrices[kHalves];          // entries follow each other kRow vectors apart
+    const double* companions[kHalves];  // entries follow each other
+    int halves;                         // with matrices
+    unsigned lanes;                     // bits of the matrices; what other lanes hold stays as it is
+};
 
 // Notes the lowest lanes that there is room for; returns the others.
-inline unsigned collect(long pack, unsigned lanes, Collected* c) {
-    while (lanes != 0 && c->count < kCollected) {
-        const int first = c->count % kLanes, failed = __builtin_popcount(lanes);
-        const int taken = failed < kLanes - first ? failed : kLanes - first;
-        unsigned left = 0;
-        if (taken < failed) {
-            left = lanes;
-            for (int k = 0; k < taken; ++k) left &= left - 1;
-        }
-        Run& run = c->runs[c->run_count++];
-        run.pack = pack;
-        run.half = c->count / kLanes;
-        run.lanes = lanes ^ left;
-        run.slots = ((1u << taken) - 1) << first;
-        c->count += taken;
-        lanes = left;
+inline unsigned collect(long pack, unsigned lanes, Half* half) {
+    const int failed = __builtin_popcount(lanes), first = half->count;
+    const int taken = failed < kLanes - first ? failed : kLanes - first;
+    unsigned left = 0;
+    if (taken < failed) {
+        left = lanes;
+        for (int k = 0; k < taken; ++k) left &= left - 1;
     }
-    return lanes;
+    half->runs[half->run_count++] = {pack, lanes ^ left, ((1u << taken) - 1) << first};
+    half->count += taken;
+    return left;
 }
 
-constexpr int kHalves = kCollected / kLanes;
 #if defined(__AVX512F__) && !defined(__clang__)
 inline l8 mask_of(unsigned lanes) {
     const l8 bit = {1, 2, 4, 8, 16, 32, 64, 128};
@@ -147,131 +155,198 @@ inline l8 matching_lanes(unsigned from, unsigned to) {
 }
 
 // Copies the lanes of a run to their slots. The first run of a half leaves zeros in the slots that no other fills.
+template <int kRow>
 inline void gather(const Run& run, const d8_unaligned* from, long rows, double* to) {
     const l8 slots = mask_of(run.slots), lane_of = matching_lanes(run.lanes, run.slots);
-    d8* const row = reinterpret_cast<d8*>(to) + run.half;
+    d8* const row = reinterpret_cast<d8*>(to);
     if (run.slots & 1)
 #pragma GCC unroll 5
-        for (long k = 0; k < rows; ++k) row[k * kHalves] = slots ? __builtin_shuffle(from[k], lane_of) : d8{};
+        for (long k = 0; k < rows; ++k) row[k * kRow] = slots ? __builtin_shuffle(from[k], lane_of) : d8{};
     else
 #pragma GCC unroll 5
-        for (long k = 0; k < rows; ++k)
-            row[k * kHalves] = slots ? __builtin_shuffle(from[k], lane_of) : row[k * kHalves];
+        for (long k = 0; k < rows; ++k) row[k * kRow] = slots ? __builtin_shuffle(from[k], lane_of) : row[k * kRow];
 }
 // The other way round.
+template <int kRow>
 inline void scatter(const Run& run, const double* from, long rows, d8_unaligned* to) {
     const l8 lanes = mask_of(run.lanes), slot_of = matching_lanes(run.slots, run.lanes);
-    const d8* const row = reinterpret_cast<const d8*>(from) + run.half;
+    const d8* const row = reinterpret_cast<const d8*>(from);
 #pragma GCC unroll 5
-    for (long k = 0; k < rows; ++k) to[k] = lanes ? __builtin_shuffle(row[k * kHalves], slot_of) : to[k];
+    for (long k = 0; k < rows; ++k) to[k] = lanes ? __builtin_shuffle(row[k * kRow], slot_of) : to[k];
 }
 #else
 template <class Copy>
 inline void for_lanes(const Run& run, const Copy& copy) {
     for (unsigned lanes = run.lanes, slots = run.slots; lanes != 0; lanes &= lanes - 1, slots &= slots - 1)
-        copy(__builtin_ctz(lanes), run.half * kLanes + __builtin_ctz(slots));
+        copy(__builtin_ctz(lanes), __builtin_ctz(slots));
 }
+template <int kRow>
 inline void gather(const Run& run, const d8_unaligned* from, long rows, double* to) {
-    for (long k = 0; k < rows && run.slots & 1; ++k) reinterpret_cast<d8*>(to)[k * kHalves + run.half] = d8{};
+    for (long k = 0; k < rows && run.slots & 1; ++k) reinterpret_cast<d8*>(to)[k * kRow] = d8{};
     for_lanes(run, [from, rows, to](int lane, int slot) {
-        for (long k = 0; k < rows; ++k) to[k * kCollected + slot] = from[k][lane];
+        for (long k = 0; k < rows; ++k) to[k * kRow * kLanes + slot] = from[k][lane];
     });
 }
+template <int kRow>
 inline void scatter(const Run& run, const double* from, long rows, d8_unaligned* to) {
     for_lanes(run, [from, rows, to](int lane, int slot) {
-        for (long k = 0; k < rows; ++k) to[k][lane] = from[k * kCollected + slot];
+        for (long k = 0; k < rows; ++k) to[k][lane] = from[k * kRow * kLanes + slot];
     });
 }
 #endif
 
-// The sum of the absolute values of all entries of eight triangles.
-inline d8 sizes_of(const double* triangles, long entries) {
-    const d8* const row = reinterpret_cast<const d8*>(triangles);
-    d8 sums[4] = {};
-    long k = 0;
-    for (; k + 3 < entries; k += 4)
+// The sums of the absolute values of all entries of triangles whose halves interleave. Returns bits of lanes
+// with an entry that is not finite; the sum of finite ones may overflow.
+inline unsigned sizes_of(const double* triangles, long entries, int halves, double* sizes) {
+    const d8_unaligned* const row = reinterpret_cast<const d8_unaligned*>(triangles);
+    unsigned not_finite = 0;
+    for (int half = 0; half < halves; ++half) {
+        d8 sums[4] = {};
+        long k = 0;
+        for (; k + 3 < entries; k += 4)
 #pragma GCC unroll 4
-        for (int i = 0; i < 4; ++i) sums[i] += size_of(row[(k + i) * kHalves]);
-    for (; k < entries; ++k) sums[0] += size_of(row[k * kHalves]);
-    return (sums[0] + sums[1]) + (sums[2] + sums[3]);
+            for (int i = 0; i < 4; ++i) sums[i] += size_of(row[(k + i) * kHalves + half]);
+        for (; k < entries; ++k) sums[0] += size_of(row[k * kHalves + half]);
+        const d8 size = (sums[0] + sums[1]) + (sums[2] + sums[3]);
+        reinterpret_cast<d8*>(sizes)[half] = size;
+        if (bits_of_eight(~(size <= DBL_MAX)) != 0)
+            not_finite |= not_finite_lanes<kHalves>(row + half, entries) << half * kLanes;
+    }
+    return not_finite;
 }
 
-// -(1 + matrix) for the first of the collected with an entry that is not finite, or 0.
-inline long find_not_finite(const Packs& packs, const Collected& c) {
-    for (int r = 0; r < c.run_count; ++r) {
-        const Run& run = c.runs[r];
-        const unsigned lanes = not_finite_lanes(packs.pack(run.pack), packs.entries()) & run.lanes;
-        if (lanes != 0) return -(1 + run.pack * kLanes + __builtin_ctz(lanes));
-    }
-    return 0;
+// Matrices that wait to be decomposed.
+struct Waiting {
+    Half halves[kHalves + 1];  // full ones, of which there are full_count; and one with room for more
+    Half* full[kHalves];
+    Half* open;
+    int full_count;
+    double* memory;  // see memory_size
+};
+inline void clear(Half* half) { half->in_place = false, half->count = half->run_count = 0; }
+inline void start(Waiting* waiting) {
+    for (int k = 0; k < kHalves; ++k) waiting->full[k] = waiting->halves + k;
+    waiting->open = waiting->halves + kHalves;
+    waiting->full_count = 0;
+    clear(waiting->open);
+}
+// What is open counts as full from now on.
+inline void take_open(Waiting* waiting) {
+    Half* const open = waiting->open;
+    waiting->open = waiting->full[waiting->full_count];
+    waiting->full[waiting->full_count++] = open;
+    clear(waiting->open);
 }
 
-// Decomposes what has been collected and puts it back. Returns the number changed or -(1 + matrix).
-template <class Decompose>
-long flush(const Packs& packs, Collected* c, const Decompose& decompose) {
-    for (int r = 0; r < c->run_count; ++r) {
-        const Run& run = c->runs[r];
-        gather(run, packs.pack(run.pack), packs.entries(), c->matrices);
-        gather(run, packs.companions_of(run.pack), packs.companions, c->companions);
+// The matrix to be reported when `unfinished` slots of what is full could not be decomposed: the first that is not
+// finite, if there is one.
+__attribute__((noinline)) inline long find_unfinished(const Packs& packs, const Waiting& waiting, unsigned unfinished) {
+    long not_finite = -1, first = -1;
+    for (int h = 0; h <= waiting.full_count; ++h) {
+        const Half& half = h < waiting.full_count ? *waiting.full[h] : *waiting.open;
+        for (int r = 0; r < half.run_count; ++r) {
+            const Run& run = half.runs[r];
+            const unsigned bad = not_finite_lanes(packs.pack(run.pack), packs.entries()) & run.lanes;
+            const long matrix = run.pack * kLanes + (bad != 0 ? __builtin_ctz(bad) : 0);
+            if (bad != 0 && (not_finite < 0 || matrix < not_finite)) not_finite = matrix;
+            unsigned lanes = run.lanes, slots = h < waiting.full_count ? run.slots : 0;
+            for (; slots != 0; lanes &= lanes - 1, slots &= slots - 1)
+                if (first < 0 && unfinished >> h * kLanes & slots & -slots)
+                    first = run.pack * kLanes + __builtin_ctz(lanes);
+        }
     }
-    const int halves = c->count > kLanes ? 2 : 1;
-    for (int half = 0; half < kHalves; ++half) {
-        d8 sizes = {};
-        if (half < halves) sizes = sizes_of(c->matrices + half * kLanes, packs.entries());
-        reinterpret_cast<d8*>(c->sizes)[half] = sizes;
-        const long not_finite = bits_of_eight(~(sizes <= DBL_MAX)) == 0 ? 0 : find_not_finite(packs, *c);
-        if (not_finite != 0) return not_finite;
-        // Matrices of a half without any are not looked at, but what comes with them is.
-        for (long k = 0; k < packs.companions && half >= halves; ++k)
-            reinterpret_cast<d8*>(c->companions)[k * kHalves + half] = d8{};
+    return not_finite >= 0 ? not_finite : first;
+}
+
+// Doubles of memory for matrices that are decomposed and what comes with them.
+inline long memory_size(const Packs& packs) { return (packs.entries() + packs.companions) * kCollected; }
+
+// Decomposes what is full and puts it back. Returns the number changed or -(1 + matrix).
+template <int kRow, class Decompose>
+long flush(const Packs& packs, Waiting* waiting, const Decompose& decompose) {
+    Group group = {};
+    group.halves = waiting->full_count;
+    for (int h = 0; h < waiting->full_count; ++h) {
+        const Half& half = *waiting->full[h];
+        if (half.in_place) {
+            const Run& run = half.runs[0];
+            group.lanes |= run.lanes << h * kLanes;
+            group.matrices[h] = reinterpret_cast<double*>(packs.pack(run.pack));
+            group.companions[h] = reinterpret_cast<const double*>(packs.companions_of(run.pack));
+            continue;
+        }
+        double* const matrices = waiting->memory + h * kLanes * (kRow == kHalves ? 1 : packs.entries());
+        double* const companions = waiting->memory + (packs.entries() * kHalves + packs.companions * h) * kLanes;
+        for (int r = 0; r < half.run_count; ++r) {
+            const Run& run = half.runs[r];
+            gather<kRow>(run, packs.pack(run.pack), packs.entries(), matrices);
+            gather<1>(run, packs.companions_of(run.pack), packs.companions, companions);
+        }
+        group.lanes |= ((1u << half.count) - 1) << h * kLanes;
+        group.matrices[h] = matrices;
+        group.companions[h] = companions;
     }
-    const NegativePart result = decompose(*c, halves);
-    for (int r = 0; r < c->run_count; ++r) {
-        const Run& run = c->runs[r];
-        const unsigned unfinished = result.unfinished >> run.half * kLanes & run.slots;
-        for (unsigned lanes = run.lanes, slots = run.slots; unfinished != 0; lanes &= lanes - 1, slots &= slots - 1)
-            if (unfinished & slots & -slots) return -(1 + run.pack * kLanes + __builtin_ctz(lanes));
-        scatter(run, c->matrices, packs.entries(), packs.pack(run.pack));
+    const NegativePart result = decompose(group);
+    if (result.unfinished != 0) return -(1 + find_unfinished(packs, *waiting, result.unfinished));
+    for (int h = 0; h < waiting->full_count; ++h) {
+        const Half& half = *waiting->full[h];
+        for (int r = 0; r < half.run_count && !half.in_place; ++r)
+            scatter<kRow>(half.runs[r], group.matrices[h], packs.entries(), packs.pack(half.runs[r].pack));
     }
-    c->count = c->run_count = 0;
+    waiting->full_count = 0;
     return __builtin_popcount(result.changed);
 }
 
-// Calls decompose(Collected, packs) -> NegativePart for the matrices that fail the check; what it leaves in their
-// places is put back. memory: collected_size, aligned to 64 bytes, and work for the triangles of a pack where kWidth is
-// zero. Returns the number of matrices changed or -(1 + matrix) for one that is not finite or not finished.
-template <int kWidth, class Decompose>
+// Calls decompose(Group) -> NegativePart for the matrices that fail the check; what it leaves in their places is put
+// back. Where packs are decomposed in place and nearly all of one group had to be, the next is not checked: decompose
+// leaves semidefinite matrices as they are. kRow: 2 if the halves of a group shall interleave; 1 if each is by itself,
+// so that a pack can be one. memory: memory_size, aligned to 64 bytes, and work for the triangles of a pack where
+// kWidth is zero. Returns the number of matrices changed or -(1 + matrix) for one that is not finite or not finished.
+template <int kWidth, int kRow, class Decompose>
 long project_failing(const Packs& packs, double* memory, bool leave, const Decompose& decompose) {
-    Collected collected;
-    collected.matrices = memory;
-    collected.sizes = memory + packs.entries() * kCollected;
-    collected.companions = collected.sizes + kCollected;
-    collected.count = collected.run_count = 0;
-    d8* const work = reinterpret_cast<d8*>(memory + collected_size(packs));
+    Waiting waiting;
+    waiting.memory = memory;
+    start(&waiting);
+    d8* const work = reinterpret_cast<d8*>(memory + memory_size(packs));
     long changed = 0;
+    bool expect_failure = false;
     for (long pack = 0; pack * kLanes < packs.matrices; ++pack) {
         const long rest = packs.matrices - pack * kLanes;
         const unsigned valid = rest < kLanes ? (1u << rest) - 1 : 255u;
-        const Check check = check_pack<kWidth>(packs.pack(pack), packs.n, work);
-        // Near the ends of the number range the factorisation overflows; there the eigenvalues decide, after scaling.
-        const l8 safe = (check.trace < 1e290) & ((check.trace > 1e-290) | (check.trace == 0.0));
-        unsigned failed = bits_of_eight(~(check.passed & safe)) & valid;
+        unsigned failed = valid;
+        const bool unchecked = expect_failure && valid == 255u;
+        if (!unchecked) failed &= failing_lanes(check_pack<kWidth>(packs.pack(pack), packs.n, work));
         if (failed == 0) continue;
         if (leave) {
             const unsigned not_finite = not_finite_lanes(packs.pack(pack), packs.entries()) & failed;
             if (not_finite != 0) return -(1 + pack * kLanes + __builtin_ctz(not_finite));
             continue;
         }
+        const bool in_place = kRow == 1 && valid == 255u && __builtin_popcount(failed) >= kMostLanes;
         while (failed != 0) {
-            failed = collect(pack, failed, &collected);
-            if (collected.count < kCollected) continue;
-            const long result = flush(packs, &collected, decompose);
+            if (in_place) {
+                Half* const full = waiting.full[waiting.full_count];
+                full->in_place = true;
+                full->run_count = 1;
+                full->runs[0] = {pack, failed, failed};
+                failed = 0;
+                ++waiting.full_count;
+            } else {
+                failed = collect(pack, failed, waiting.open);
+                if (waiting.open->count < kLanes) continue;
+                take_open(&waiting);
+            }
+            if (waiting.full_count < kHalves) continue;
+            const bool both_in_place = waiting.full[0]->in_place && waiting.full[1]->in_place;
+            const long result = flush<kRow>(packs, &waiting, decompose);
             if (result < 0) return result;
+            expect_failure = both_in_place && result >= kHalves * kMostLanes;
             changed += result;
         }
     }
-    if (collected.count == 0) return changed;
-    const long result = flush(packs, &collected, decompose);
+    if (waiting.open->count != 0) take_open(&waiting);
+    if (waiting.full_count == 0) return changed;
+    const long result = flush<kRow>(packs, &waiting, decompose);
     return result < 0 ? result : changed + result;
 }
 

@@ -163,13 +163,25 @@ template <class M>
 inline bool any(M mask) {
     return bits_of(mask) != 0;
 }
-inline void load_lanes(const double* from, Register* to) { *to = *reinterpret_cast<const Register*>(from); }
+// The lanes whose bits are set.
+inline void mask_lanes(unsigned bits, RegisterMask* to) {
+    RegisterMask bit;
+    for (int lane = 0; lane < kRegisterLanes; ++lane) bit[lane] = 1L << lane;
+    *to = (bit & static_cast<long>(bits)) != 0;
+}
+template <class M>
+inline void mask_lanes(unsigned bits, Pair<M>* to) {
+    mask_lanes(bits, &to->first);
+    mask_lanes(bits >> (sizeof(M) / 8), &to->second);
+}
+typedef double UnalignedRegister __attribute__((vector_size(kRegister), aligned(8)));
+inline void load_lanes(const double* from, Register* to) { *to = *reinterpret_cast<const UnalignedRegister*>(from); }
 template <class T>
 inline void load_lanes(const double* from, Pair<T>* to) {
     load_lanes(from, &to->first);
     load_lanes(from + sizeof(T) / 8, &to->second);
 }
-inline void store_lanes(double* to, Register v) { *reinterpret_cast<Register*>(to) = v; }
+inline void store_lanes(double* to, Register v) { *reinterpret_cast<UnalignedRegister*>(to) = v; }
 template <class T>
 inline void store_lanes(double* to, Pair<T> v) {
     store_lanes(to, v.first);

@@ -200,6 +200,65 @@ def test_semidefinite_matrices_keep_every_bit(runtime: Runtime, cols: int, mode:
     assert changed == (~kept).sum() > 5
 
 
+def hessians_failing(rng: np.random.Generator, f: Array, failing: Array) -> Array:
+    """Hessians of which exactly these are indefinite."""
+    h = hessians(rng, f)
+    smallest, largest = np.linalg.eigvalsh(h)[:, [0, -1]].T
+    h *= np.where(smallest > -1e-3 * largest, -1.0, 1.0)[:, None, None]
+    lift = np.where(failing, 0.0, -1.01 * np.linalg.eigvalsh(h)[:, 0])
+    return np.asarray(h + lift[:, None, None] * np.eye(h.shape[1]))
+
+
+FAILING = [8] * 6 + [7, 6, 8, 7, 0, 0, 8, 8, 8, 5, 3, 8, 8, 0, 8, 8, 1, 7, 8, 8, 8]
+"""Matrices of each pack to be projected: in place or drawn together, unchecked after packs that nearly all failed."""
+
+
+@pytest.mark.parametrize("cols", [3, 2])
+@pytest.mark.parametrize("mode", [Projection.CLAMP, Projection.ABS])
+@pytest.mark.parametrize("left_over", [0, 3])
+def test_packs_of_which_many_or_few_fail(runtime: Runtime, cols: int, mode: Projection, left_over: int) -> None:
+    rng = np.random.default_rng(cols)
+    failing = np.concatenate([rng.permuted(np.arange(LANES) < count) for count in FAILING])[: -left_over or None]
+    f = rng.standard_normal((len(failing), 3, cols))
+    h = hessians_failing(rng, f, failing)
+    changed, result = project(runtime, h, f, mode)
+    np.testing.assert_array_equal(np.any(result != h, axis=(1, 2)), failing)
+    assert changed == failing.sum()
+    error = np.linalg.norm(result - reference(h, mode), axis=(1, 2)) / np.linalg.norm(h, axis=(1, 2))
+    assert error.max() < 5e-14
+
+
+@pytest.mark.parametrize("scale_of", ["F", "H"])
+@pytest.mark.parametrize("scale", [1e-300, 1e300])
+def test_unusual_matrices_where_nearly_all_fail(runtime: Runtime, scale_of: str, scale: float) -> None:
+    """Sizes near the ends of the number range, also of semidefinite matrices and of their F."""
+    rng = np.random.default_rng(8)
+    failing = np.arange(10 * LANES) % 9 != 0
+    unusual = np.arange(10 * LANES) % 5 == 0
+    assert (unusual & ~failing).any()
+    f = rng.standard_normal((len(failing), 3, 3))
+    h = hessians_failing(rng, f, failing)
+    h /= np.abs(h).max(axis=(1, 2), keepdims=True)
+    scales = np.where(unusual, scale, 1.0)[:, None, None]
+    given = h * scales if scale_of == "H" else h
+    changed, result = project(runtime, given, f * scales if scale_of == "F" else f)
+    assert changed == failing.sum()
+    assert np.all(result[~failing] == given[~failing])
+    found = result / scales if scale_of == "H" else result
+    np.testing.assert_allclose(found, reference(h, Projection.CLAMP), rtol=0, atol=1e-13)
+
+
+@pytest.mark.parametrize("bad", [np.nan, np.inf, -np.inf])
+@pytest.mark.parametrize("index", [0, 5, 8, 43, 79])
+def test_first_not_finite_where_nearly_all_fail(runtime: Runtime, bad: float, index: int) -> None:
+    rng = np.random.default_rng(7)
+    failing = np.arange(12 * LANES) >= 4  # the first pack waits for others
+    f = rng.standard_normal((len(failing), 3, 3))
+    h = hessians_failing(rng, f, failing)
+    h[[index, 80, 88], 2, 2] = bad
+    assert project(runtime, h, f)[0] == -(1 + index)
+
+
 @pytest.mark.parametrize("cols", [3, 2])
 def test_not_finite_is_reported(runtime: Runtime, cols: int) -> None:
     rng = np.random.default_rng(4)
