@@ -138,9 +138,12 @@ def test_programs_are_cached_by_text_flags_and_architecture(cuda: CudaToolchain,
     assert [item.cached for item in compile_modules([changed, HALVE], toolchain)] == [False, True]
 
     key = replace(toolchain.nvcc, key="another nvcc")
-    assert not compile_runtime([SCALE], toolchain)[0].cached
-    assert compile_runtime([SCALE], toolchain)[0].cached
-    assert not compile_runtime([SCALE], replace(toolchain, nvcc=key))[0].cached
+    assert not compile_runtime([SCALE], toolchain)[0].cached, "the runtime has flags of its own"
+    assert compile_runtime([SCALE], replace(toolchain, nvcc=key))[0].cached, "it includes nothing: NVRTC compiles it"
+    by_nvcc = Source("scale", "#include <cuda/std/cstdint>\n" + SCALE.text)
+    assert not compile_runtime([by_nvcc], toolchain)[0].cached
+    assert compile_runtime([by_nvcc], toolchain)[0].cached
+    assert not compile_runtime([by_nvcc], replace(toolchain, nvcc=key))[0].cached
 
 
 @pytest.mark.usefixtures("cache")
