@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 
 from yasps.backend.cpp_curvature import dense_hessian
 from yasps.backend.cpp_scatter import scatter_gradient, scatter_hessian
+from yasps.backend.object_text import indented
 from yasps.backend.scene_view import Slot
 from yasps.dialects.mat import shape_of
 from yasps.dialects.rel import ApplyOp, DerivativeOp, ProjectOp, YieldDerivativeOp
@@ -55,11 +56,6 @@ def derivative_body(text: CppObjectText, derivative: DerivativeOp) -> list[str]:
         "}",
         "return -1;",
     ]
-
-
-def indented(lines: list[str]) -> list[str]:
-    """The lines, one level deeper."""
-    return [f"    {line}" for line in lines]
 
 
 def _projection(derivative: DerivativeOp) -> ProjectOp | None:

@@ -6,6 +6,7 @@ from importlib.resources import files
 from typing import TYPE_CHECKING
 
 from yasps.backend.cpp_expand import expand_hessian, starts
+from yasps.backend.object_text import packed_place
 from yasps.backend.scene_view import Slot
 
 if TYPE_CHECKING:
@@ -54,12 +55,6 @@ def scatter_hessian(text: CppObjectText, slots: list[Slot], n: int, capacity: in
     return lines
 
 
-def _packed(n: int, row: int, col: int) -> int:
-    """Where an entry stands in the packed upper triangle of a symmetric n x n matrix."""
-    row, col = min(row, col), max(row, col)
-    return row * n - row * (row - 1) // 2 + col - row
-
-
 def _add_packs(
     text: CppObjectText, slots: list[Slot], pairs: list[tuple[int, int]], *, n: int, capacity: int, packed: str
 ) -> list[str]:
@@ -71,9 +66,9 @@ def _add_packs(
     for rows, cols in dict.fromkeys((slots[s].size, slots[t].size) for s, t in pairs):
         same = [(s, t) for s, t in pairs if (slots[s].size, slots[t].size) == (rows, cols)]
         entries = [
-            _packed(n, entry_at[s] + r, entry_at[t] + c) for s, t in same for r in range(rows) for c in range(cols)
+            packed_place(n, entry_at[s] + r, entry_at[t] + c) for s, t in same for r in range(rows) for c in range(cols)
         ]
-        places = [_packed(capacity, kappa_at[s], kappa_at[t]) for s, t in same]
+        places = [packed_place(capacity, kappa_at[s], kappa_at[t]) for s, t in same]
         text.preludes[SCATTER_PRELUDE] = None
         if (rows, cols) != (3, 3):
             text.externs[_add_packs_of_shape(rows, cols)] = None

@@ -5,11 +5,11 @@ Blocks between targets go from registers to the global matrix; any other is expa
 
 from __future__ import annotations
 
-from importlib.resources import files
 from typing import TYPE_CHECKING
 
-from yasps.backend.cuda_expand import curve_behind, expand, expand_merged, indented, row_starts
+from yasps.backend.cuda_expand import DENSE_PRELUDE, curve_behind, expand, expand_merged, row_starts
 from yasps.backend.cuda_object import THIS_THREAD, ranges_of
+from yasps.backend.object_text import indented, packed_place
 from yasps.dialects.mat import shape_of
 from yasps.dialects.rel import ApplyOp, DerivativeOp, ProjectOp, YieldDerivativeOp
 
@@ -17,7 +17,6 @@ if TYPE_CHECKING:
     from yasps.backend.cuda_object import CudaObjectText, SlotRange
     from yasps.backend.scene_view import Slot
 
-DENSE_PRELUDE = files("yasps.backend").joinpath("cuda_dense_prelude.cuh").read_text(encoding="utf-8")
 LARGEST_STACK = 2560
 """Bytes of a thread's stack that a Hessian and its projection may take; larger ones go to global memory."""
 
@@ -167,8 +166,8 @@ def _scatter(text: CudaObjectText, slots: list[Slot], packed: str) -> list[str]:
         for other, t in targets[a:]:
             rows, cols = one.slot.size, other.slot.size
             r0, c0 = one.entry + s * rows, other.entry + t * cols
-            entries = [f"{packed}[{_packed(n, r0 + r, c0 + c)}]" for r in range(rows) for c in range(cols)]
-            place = _packed(capacity, one.leaf + s, other.leaf + t)
+            entries = [f"{packed}[{packed_place(n, r0 + r, c0 + c)}]" for r in range(rows) for c in range(cols)]
+            place = packed_place(capacity, one.leaf + s, other.leaf + t)
             lines += [
                 "{",
                 f"    const double block[{rows * cols}] = {{{', '.join(entries)}}};",
@@ -185,12 +184,6 @@ def _scatter(text: CudaObjectText, slots: list[Slot], packed: str) -> list[str]:
         return not (one.slot.is_target and other.slot.is_target)
 
     return lines + expand(text, ranges, packed, add, is_wanted)
-
-
-def _packed(n: int, row: int, col: int) -> int:
-    """Where an entry stands in the packed upper triangle of a symmetric n x n matrix."""
-    row, col = min(row, col), max(row, col)
-    return row * n - row * (row - 1) // 2 + col - row
 
 
 def _merged_hessian(

@@ -7,15 +7,15 @@ the result. So the stack of a thread does not grow with the number of slots, and
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from importlib.resources import files
 from typing import TYPE_CHECKING
+
+from yasps.backend.object_text import indented
 
 if TYPE_CHECKING:
     from yasps.backend.cuda_object import CudaObjectText, SlotRange
 
-
-def indented(lines: Sequence[str]) -> list[str]:
-    """The lines, one level deeper."""
-    return [f"    {line}" for line in lines]
+DENSE_PRELUDE = files("yasps.backend").joinpath("cuda_dense_prelude.cuh").read_text(encoding="utf-8")
 
 
 def expand(
@@ -107,8 +107,6 @@ def curve_body(
 
     `transposed` fills w = J^T v.
     """
-    from yasps.backend.cuda_derivative import DENSE_PRELUDE
-
     text.preludes[DENSE_PRELUDE] = None
     q = sum(same.count * same.slot.size for same in ranges)
     lines = row_starts(text, ranges)

@@ -105,6 +105,17 @@ def size_of(value: SSAValue) -> int:
     return rows * cols
 
 
+def packed_place(n: int, row: int, col: int) -> int:
+    """Where an entry stands in the packed upper triangle of a symmetric n x n matrix."""
+    row, col = min(row, col), max(row, col)
+    return row * n - row * (row - 1) // 2 + col - row
+
+
+def indented(lines: Sequence[str]) -> list[str]:
+    """The lines, one level deeper."""
+    return [f"    {line}" for line in lines]
+
+
 class ObjectText(ABC):
     """The text of one object while it is written."""
 

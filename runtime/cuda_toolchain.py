@@ -47,7 +47,7 @@ DEFAULT_FLAGS = ("--std=c++17", "--fmad=true")
 _RELOCATABLE = "--relocatable-device-code=true"
 _HOST_FLAGS = ("-O2", "-Xcompiler", "-fPIC")
 # A kernel has as many registers as the greediest function it calls. The projections would take 254, which leaves room
-# for 256 threads on a multiprocessor; with 128 there are twice as many, for at most 252 bytes of spills.
+# for 256 threads on a multiprocessor; with 128 there are twice as many, for some spills (docs/gpu.md).
 _RUNTIME_FLAGS = ("--maxrregcount=128",)
 
 
@@ -154,7 +154,12 @@ def build_program(
     host: Sequence[Source] = (),
     jobs: int | None = None,
 ) -> DeviceProgram:
-    """Compile generated modules, the runtime's device code (`compile_runtime`) and its host functions, and link them.
+    """Compile generated modules, the runtime's device code and its host functions, and link them.
+
+    modules: texts that include nothing, for NVRTC; kernels are `extern "C" __global__`. runtime: device code that may
+    include headers of the toolkit (CUB, libcu++). host: functions that call CUB's device-wide algorithms, with device
+    code of their own; their library holds the CUDA runtime, which finds the driver when a function is called, so that
+    it loads without one.
 
     `jobs` compile at a time (default: one per processor). Those that take longest begin first: host functions, files
     of the runtime, then modules by length. The program's objects have the order of `modules`, then of `runtime`. Raises
@@ -173,34 +178,6 @@ def build_program(
     if not host:
         return program
     return replace(program, host_objects=tuple(objects[count:]), host=_link_host(objects[count:], toolchain))
-
-
-def compile_modules(sources: Sequence[Source], toolchain: CudaToolchain, jobs: int | None = None) -> list[DeviceObject]:
-    """Compile texts that include nothing to relocatable objects with NVRTC, or find them in the cache.
-
-    The result has the order of `sources`. Kernels are `extern "C" __global__`. Raises CompilationError for the first
-    source that does not compile, and CacheFolderError when the cache cannot be written.
-    """
-    folder = cache_folder()
-    return in_parallel([partial(_compile_with_nvrtc, source, toolchain, folder) for source in sources], jobs)
-
-
-def compile_runtime(sources: Sequence[Source], toolchain: CudaToolchain, jobs: int | None = None) -> list[DeviceObject]:
-    """As `compile_modules`, for fixed files with `_RUNTIME_FLAGS`; nvcc compiles those that include the toolkit's
-    headers (CUB, libcu++), NVRTC the others in 0.6 of the time."""
-    folder = cache_folder()
-    return in_parallel([partial(_compile_runtime, source, toolchain, folder) for source in sources], jobs)
-
-
-def compile_host(sources: Sequence[Source], toolchain: CudaToolchain, jobs: int | None = None) -> LinkedLibrary:
-    """A shared library of host functions with their own device code, for calls of CUB's device-wide algorithms.
-
-    It holds the CUDA runtime (cudart) and finds the driver when a function is called, so that it loads without one.
-    Its kernels are for the toolchain's architecture. Raises CompilationError and CacheFolderError.
-    """
-    folder = cache_folder()
-    objects = in_parallel([partial(_compile_for_host, source, toolchain, folder) for source in sources], jobs)
-    return _link_host(objects, toolchain)
 
 
 def link_program(objects: Sequence[DeviceObject], toolchain: CudaToolchain) -> DeviceProgram:
@@ -251,6 +228,7 @@ def _compile_with_nvrtc(source: Source, toolchain: CudaToolchain, folder: Path) 
 
 
 def _compile_runtime(source: Source, toolchain: CudaToolchain, folder: Path) -> DeviceObject:
+    """By nvcc where the text includes headers of the toolkit, else by NVRTC, in 0.6 of the time."""
     compile_one = _compile_with_nvcc if "#include <" in source.text else _compile_with_nvrtc
     return compile_one(source, toolchain.with_flags(*_RUNTIME_FLAGS), folder)
 

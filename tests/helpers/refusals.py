@@ -1,4 +1,7 @@
-"""A scene on which wrong calls are tried, and how they are."""
+"""A scene on which wrong calls are tried, and how they are.
+
+Many of the calls are refused by a type checker too; those carry an ignore.
+"""
 
 from __future__ import annotations
 

@@ -20,7 +20,7 @@ from device_projection import (
 
 from yasps.runtime.cuda_nvcc import CudaNotFoundError
 from yasps.runtime.cuda_sources import with_includes
-from yasps.runtime.cuda_toolchain import compile_runtime, find_cuda, link_program
+from yasps.runtime.cuda_toolchain import build_program, find_cuda
 from yasps.runtime.library import Projection, Runtime
 from yasps.runtime.toolchain import Source
 
@@ -195,8 +195,8 @@ def test_threads_need_little_local_memory(arch: str) -> None:
         toolchain = find_cuda(arch)
     except CudaNotFoundError as error:
         pytest.skip(str(error))
-    objects = compile_runtime([Source("callers", with_includes(KERNELS)), *projections()], toolchain)
-    rows = {row.name: row for row in link_program(objects, toolchain).rows}
+    program = build_program(toolchain, [], [Source("callers", with_includes(KERNELS)), *projections()])
+    rows = {row.name: row for row in program.rows}
     (general,) = [f for f in rows["callers"].functions if f.name == "project_all"]
     (isotropic,) = [f for f in rows["callers"].functions if f.name == "project_all_isotropic"]
     assert general.stack_bytes <= 160, "besides the work it is given"

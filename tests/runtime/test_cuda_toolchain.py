@@ -14,10 +14,8 @@ import pytest
 from yasps.runtime.cuda_nvcc import CudaNotFoundError, find_nvcc
 from yasps.runtime.cuda_toolchain import (
     CudaToolchain,
+    DeviceObject,
     build_program,
-    compile_host,
-    compile_modules,
-    compile_runtime,
     find_cuda,
     link_program,
 )
@@ -75,6 +73,16 @@ extern "C" int sort_keys(void* scratch, size_t* bytes, const unsigned* in, unsig
 }
 """,
 )
+
+
+def compiled(sources: list[Source], toolchain: CudaToolchain) -> list[DeviceObject]:
+    """Objects of generated modules, of a program that is linked too."""
+    return list(build_program(toolchain, sources).objects)
+
+
+def compiled_as_runtime(sources: list[Source], toolchain: CudaToolchain) -> list[DeviceObject]:
+    """The same of files of the runtime."""
+    return list(build_program(toolchain, [], sources).objects)
 
 
 @pytest.fixture(scope="module")
@@ -135,23 +143,25 @@ def test_programs_are_cached_by_text_flags_and_architecture(cuda: CudaToolchain,
     assert len({program.path for program in (first, *programs)}) == 5
     assert [all(item.cached for item in program.objects) for program in programs] == [False, False, False, True]
     changed = Source("scale", SCALE.text.replace("*=", "+="))
-    assert [item.cached for item in compile_modules([changed, HALVE], toolchain)] == [False, True]
+    assert [item.cached for item in compiled([changed, HALVE], toolchain)] == [False, True]
 
     key = replace(toolchain.nvcc, key="another nvcc")
-    assert not compile_runtime([SCALE], toolchain)[0].cached, "the runtime has flags of its own"
-    assert compile_runtime([SCALE], replace(toolchain, nvcc=key))[0].cached, "it includes nothing: NVRTC compiles it"
+    assert not compiled_as_runtime([SCALE], toolchain)[0].cached, "the runtime has flags of its own"
+    assert compiled_as_runtime([SCALE], replace(toolchain, nvcc=key))[0].cached, (
+        "it includes nothing: NVRTC compiles it"
+    )
     by_nvcc = Source("scale", "#include <cuda/std/cstdint>\n" + SCALE.text)
-    assert not compile_runtime([by_nvcc], toolchain)[0].cached
-    assert compile_runtime([by_nvcc], toolchain)[0].cached
-    assert not compile_runtime([by_nvcc], replace(toolchain, nvcc=key))[0].cached
+    assert not compiled_as_runtime([by_nvcc], toolchain)[0].cached
+    assert compiled_as_runtime([by_nvcc], toolchain)[0].cached
+    assert not compiled_as_runtime([by_nvcc], replace(toolchain, nvcc=key))[0].cached
 
 
 @pytest.mark.usefixtures("cache")
 def test_an_empty_object_left_by_a_crash_is_rebuilt(cuda: CudaToolchain) -> None:
-    item = compile_modules([HALVE], cuda)[0]
+    item = compiled([HALVE], cuda)[0]
     content = item.path.read_bytes()
     item.path.write_bytes(b"")
-    assert not compile_modules([HALVE], cuda)[0].cached
+    assert not compiled([HALVE], cuda)[0].cached
     assert len(item.path.read_bytes()) == len(content)
 
 
@@ -170,7 +180,7 @@ def test_spilling_kernels_say_so(cuda: CudaToolchain) -> None:
     assert 0 < halve.registers < 32
 
 
-@pytest.mark.parametrize("compile_with", [compile_modules, compile_runtime])
+@pytest.mark.parametrize("compile_with", [compiled, compiled_as_runtime])
 @pytest.mark.usefixtures("cache")
 def test_compile_error_names_module_source_and_reason(cuda: CudaToolchain, compile_with: object) -> None:
     assert callable(compile_with)
@@ -188,14 +198,14 @@ def test_compile_error_names_module_source_and_reason(cuda: CudaToolchain, compi
 @pytest.mark.usefixtures("cache")
 def test_link_errors_name_the_function(cuda: CudaToolchain) -> None:
     with pytest.raises(CompilationError, match="callee") as caught:
-        link_program(compile_modules([CALLER], cuda), cuda)
+        build_program(cuda, [CALLER])
     assert CALLER.name in str(caught.value)
     for second in (Source("second", HALVE.text), Source("halve", f"{HALVE.text}// changed\n")):
         with pytest.raises(CompilationError, match="Multiple definition of 'halve'"):
-            link_program(compile_modules([HALVE, second], cuda), cuda)
+            build_program(cuda, [HALVE, second])
     other_arguments = Source("other", 'extern "C" __device__ double callee(int i, double* p) { return p[i]; }\n')
     with pytest.raises(CompilationError, match="Prototype doesn't match for 'callee'"):
-        link_program(compile_modules([CALLER, other_arguments], cuda), cuda)
+        build_program(cuda, [CALLER, other_arguments])
     with pytest.raises(ValueError, match="no objects"):
         link_program([], cuda)
 
@@ -207,7 +217,9 @@ def test_cub_in_device_and_in_host_code(cuda: CudaToolchain) -> None:
     assert rows["block_sum"].functions[0].shared_bytes >= 8 * 128 // 32
     assert rows["device_wide"].registers > 0
     assert program.host is not None
-    assert compile_host([DEVICE_WIDE], cuda).path == program.host.path
+    alone = build_program(cuda, [HALVE], host=[DEVICE_WIDE]).host
+    assert alone is not None
+    assert alone.path == program.host.path
     library = ctypes.CDLL(str(program.host.path))
     no_gpu = library.device_count(ctypes.byref(ctypes.c_int()))
     assert no_gpu in (0, 35, 100), "success, a driver that is missing or too old, no device"
