@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from yasps.frontend.active_set import ActiveSet, MollifiedPairs, Pairs
+from yasps.frontend.arrays import positive_number
 from yasps.frontend.attribute import Attribute, FloatArray
 from yasps.frontend.collision_geometry import Candidates, CollisionGeometry
 from yasps.frontend.errors import SceneError
@@ -122,8 +123,7 @@ class BarrierContact:
         objects: Mapping[str, int] | None = None,
         projection: str = "clamp",
     ) -> None:
-        if not stiffness > 0:
-            raise SceneError(f"contact stiffness must be positive, got {stiffness} J/m^4")
+        stiffness = positive_number(stiffness, "contact stiffness", "J/m^4", SceneError)
         self.position = vertices["position"]
         if self.position.shape != (3, 1):
             raise SceneError(f"contact needs 3x1 positions, but {self.position.path} is {self.position.shape}")

@@ -11,7 +11,8 @@ from numpy.typing import ArrayLike
 
 from yasps.dialects.mat import spell
 from yasps.dialects.rel.body import JOIN_OPERATIONS
-from yasps.frontend.attribute import Attribute, Joined, Named, Stored, checked_numbers, concat_cols
+from yasps.frontend.arrays import checked_count
+from yasps.frontend.attribute import Attribute, Joined, Named, Stored, concat_cols
 from yasps.frontend.connectivity import Connectivity
 from yasps.frontend.errors import (
     ConnectivityError,
@@ -194,22 +195,25 @@ class Entity(abc.ABC):
 
     def _add_stored(self, name: str, rows: int, cols: int, value: ArrayLike | None, constant: bool) -> Attribute:
         self.check_name(name, "an attribute")
-        for count, word in ((rows, "rows"), (cols, "cols")):
-            if not isinstance(count, int | np.integer) or isinstance(count, bool) or count < 1:
-                raise ShapeMismatchError(
-                    f"{self.label}, attribute {name!r}: {word} must be a positive integer, got {count!r}"
-                )
-        shape = (int(rows), int(cols))
-        stored = Stored(np.zeros((self.num_instances, *shape)), constant)
+        label = f"{self.label}, attribute {name!r}"
+        shape = (
+            checked_count(rows, f"{label}: rows", 1, ShapeMismatchError),
+            checked_count(cols, f"{label}: cols", 1, ShapeMismatchError),
+        )
+        size = checked_count(shape[0] * shape[1], f"{label}: rows x cols", 1, ShapeMismatchError)
+        try:
+            stored = Stored(np.zeros((self.num_instances, *shape)), constant)
+        except (MemoryError, ValueError) as error:  # ValueError: more bytes than a machine can address
+            needed = f"{self.num_instances} x {spell(shape)} numbers are {8e-9 * self.num_instances * size:.3g} GB"
+            raise DataError(f"{label}: {needed}, more than there is memory for") from error
         attribute = Attribute(self, shape, stored, name)
         if value is not None:
-            numbers = checked_numbers(value, attribute.path)
-            if numbers.size != stored.array.size:
+            numbers = attribute._checked_values(value)
+            if len(numbers) != self.num_instances:  # those of a dynamic primitive are given together, by update
                 raise DataError(
-                    f"{attribute.path} needs {self.num_instances} x {spell(shape)} = {stored.array.size} numbers, got "
-                    f"{numbers.size}"
+                    f"{attribute.path} needs numbers for {self.num_instances} instances, got {len(numbers)}"
                 )
-            stored.array = numbers.reshape(stored.array.shape).copy()
+            stored.array = numbers.copy()
         return self._register(name, attribute)
 
     def _add_named(self, name: str, expression: Attribute) -> Attribute:
@@ -252,6 +256,8 @@ class Entity(abc.ABC):
                     "operation; sum the rows of the JOIN instead"
                 )
             shape = (through.arity, source.shape[0] * source.shape[1])
+            entries = f"{self.label}, attribute {name!r}: arity x entries of the source"
+            checked_count(shape[0] * shape[1], entries, 1, ShapeMismatchError)
             return self._register(name, Attribute(self, shape, Joined(through, source), name))
         if operation not in JOIN_OPERATIONS:
             raise SceneError(

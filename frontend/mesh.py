@@ -5,8 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
-import numpy as np
-
+from yasps.frontend.arrays import checked_count
 from yasps.frontend.entity import Entity
 from yasps.frontend.errors import SceneError
 from yasps.frontend.primitive import Primitive, PrimitiveBase, PrimitiveUnion
@@ -42,16 +41,13 @@ class Mesh(Entity):
         Raises NameTakenError for a bad name, SceneError for a bad number of instances.
         """
         self.check_child_name(name, "a primitive")
-        if not isinstance(num_instances, int | np.integer) or isinstance(num_instances, bool) or num_instances < 0:
-            raise SceneError(
-                f"{self.label}, primitive {name!r}: num_instances must be an integer >= 0, got {num_instances!r}"
-            )
-        if num_instances == 0 and not is_dynamic:
+        count = checked_count(num_instances, f"{self.label}, primitive {name!r}: num_instances", 0, SceneError)
+        if count == 0 and not is_dynamic:
             raise SceneError(
                 f"{self.label}, primitive {name!r} has no instances; give num_instances >= 1, or is_dynamic=True "
                 "if they come later"
             )
-        primitive = Primitive(name, self, int(num_instances), bool(is_dynamic))
+        primitive = Primitive(name, self, count, bool(is_dynamic))
         self._children[name] = primitive
         self.scene.structure_changed()
         return primitive
@@ -74,6 +70,8 @@ class Mesh(Entity):
                 raise SceneError(f"{self.label}, primitive union {name!r}: {member.label} belongs to another scene")
         if len(set(members)) != len(members):
             raise SceneError(f"{self.label}, primitive union {name!r} names the same member twice")
+        together = sum(member.num_instances for member in members)
+        checked_count(together, f"{self.label}, primitive union {name!r}: the number of all instances", 0, SceneError)
         union = PrimitiveUnion(name, self, members)
         self._children[name] = union
         self.scene.structure_changed()
