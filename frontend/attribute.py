@@ -31,6 +31,7 @@ from yasps.dialects.mat import (
 from yasps.dialects.mat.base import dense
 from yasps.frontend.arrays import in_instances, real_numbers
 from yasps.frontend.errors import DataError, LineageError, SceneError, ShapeMismatchError
+from yasps.frontend.in_scene import InScene
 from yasps.frontend.spelling import both_spellings
 
 if TYPE_CHECKING:
@@ -141,7 +142,7 @@ class ComputedValue:
 
 
 @both_spellings
-class Attribute:
+class Attribute(InScene):
     """A rows x cols matrix on every instance of its owner.
 
     Arithmetic gives new attributes: `+`, `-`, `*` (matrix product, or a 1x1 value times a matrix), `/` by a 1x1 value,

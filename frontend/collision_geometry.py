@@ -25,6 +25,7 @@ from yasps.frontend.errors import YaspsError
 from yasps.runtime.library import Runtime, load_runtime
 from yasps.runtime.surface_pairs import Surface, SurfacePairs
 from yasps.runtime.toolchain import find_compiler
+from yasps.runtime.uncopied import Uncopied
 
 _ROUNDING = 8 * float(np.finfo(np.float64).eps)
 
@@ -50,7 +51,7 @@ class Candidates:
         return len(self.pairs)
 
 
-class CollisionGeometry:
+class CollisionGeometry(Uncopied):
     """Collision queries for the surface of a whole scene, with fixed connectivity and moving vertices."""
 
     def __init__(

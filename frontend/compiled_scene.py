@@ -22,6 +22,7 @@ from yasps.frontend.emit import EnergyTerm
 from yasps.frontend.entity import Entity
 from yasps.frontend.errors import ConnectivityError, NotFiniteError
 from yasps.frontend.hessian import Hessian
+from yasps.frontend.in_scene import InScene
 from yasps.frontend.primitive import Primitive, PrimitiveBase, PrimitiveUnion
 from yasps.frontend.scene_source import CompileRequest, SceneSource
 from yasps.runtime.block_matrix import BlockGroup
@@ -95,7 +96,7 @@ class _Reads:
             stack.extend(new)
 
 
-class CompiledScene(ABC):
+class CompiledScene(InScene, ABC):
     """Machine code for energies, targets and outputs of a scene, bound to its arrays."""
 
     def __init__(self, request: CompileRequest) -> None:

@@ -9,6 +9,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from yasps.frontend.arrays import plain_array
 from yasps.frontend.errors import ConnectivityError
+from yasps.frontend.in_scene import InScene
 from yasps.frontend.spelling import both_spellings
 from yasps.runtime.device_indices import DeviceIndices, ForeignArrayError, device_indices, is_on_device
 
@@ -19,7 +20,7 @@ IntArray = NDArray[np.int32]
 
 
 @both_spellings
-class Connectivity:
+class Connectivity(InScene):
     """A map from each instance of `source` to `arity` instances of `target`.
 
     Of a variable arity (`is_variable`), `arity` is the largest number of instances one refers to.

@@ -20,6 +20,7 @@ from yasps.frontend.arrays import positive_number
 from yasps.frontend.attribute import Attribute, FloatArray
 from yasps.frontend.collision_geometry import Candidates, CollisionGeometry
 from yasps.frontend.errors import SceneError
+from yasps.frontend.in_scene import InScene
 from yasps.frontend.mesh import Mesh
 from yasps.frontend.primitive import Primitive, PrimitiveBase
 
@@ -98,7 +99,7 @@ KINDS: dict[str, _Kind] = {
 }
 
 
-class BarrierContact:
+class BarrierContact(InScene):
     """Contact of a scene's surface with itself: one dynamic primitive and one energy for each kind of close pair.
 
     mesh: where the primitives are added (and its constants `squared_reach` [m^2] and `stiffness` [J/m^4]).

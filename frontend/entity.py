@@ -22,6 +22,7 @@ from yasps.frontend.errors import (
     SceneError,
     ShapeMismatchError,
 )
+from yasps.frontend.in_scene import InScene
 from yasps.frontend.spelling import both_spellings
 
 if TYPE_CHECKING:
@@ -31,14 +32,14 @@ NAME = re.compile(r"[A-Za-z][A-Za-z0-9_\-]*")
 
 
 @both_spellings
-class Entity(abc.ABC):
+class Entity(InScene, abc.ABC):
     """A scene, mesh, primitive or primitive union."""
 
-    kind = "entity"
+    _kind = "entity"
 
     def __init__(self, name: str, parent: Entity | None) -> None:
         self.name = name
-        self.parent = parent
+        self._parent = parent
         self.attributes: dict[str, Attribute] = {}
         self._children: dict[str, Any] = {}
 
@@ -70,20 +71,20 @@ class Entity(abc.ABC):
     @property
     def path(self) -> str:
         """Dotted name inside the scene; empty for the scene itself."""
-        above = self.parent.path if self.parent is not None else ""
+        above = self._parent.path if self._parent is not None else ""
         return f"{above}.{self.name}" if above else self.name
 
     @property
     def label(self) -> str:
         """Name for messages."""
-        return f"{self.kind} {self.path}"
+        return f"{self._kind} {self.path}"
 
     def lineage(self) -> list[Entity]:
         """Itself, its parent, and so on up to the scene."""
-        return [self, *(self.parent.lineage() if self.parent is not None else [])]
+        return [self, *(self._parent.lineage() if self._parent is not None else [])]
 
     def __repr__(self) -> str:
-        return f"<{self.kind} {self.path or self.name}: {self.num_instances} instances>"
+        return f"<{self._kind} {self.path or self.name}: {self.num_instances} instances>"
 
     # -- names ---------------------------------------------------------------------------------------------
 
@@ -111,7 +112,7 @@ class Entity(abc.ABC):
             return children[name]
         known = ", ".join([*children, *(k for k in self.__dict__.get("attributes", {}))]) or "nothing"
         hint = f"; {name!r} is an attribute: write [{name!r}]" if name in self.__dict__.get("attributes", {}) else ""
-        raise AttributeError(f"{self.kind} {self.__dict__.get('name', '?')} has no {name!r}; it has {known}{hint}")
+        raise AttributeError(f"{self._kind} {self.__dict__.get('name', '?')} has no {name!r}; it has {known}{hint}")
 
     def __contains__(self, name: object) -> bool:
         """Is there an attribute of this name?"""

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 class Mesh(Entity):
     """A group of primitives with attributes of its own; made by `Scene.add_mesh`."""
 
-    kind = "mesh"
+    _kind = "mesh"
 
     def __init__(self, name: str, scene: Scene) -> None:
         super().__init__(name, scene)

@@ -17,6 +17,7 @@ from yasps.frontend.attribute import Attribute, FloatArray
 from yasps.frontend.collision_geometry import Candidates
 from yasps.frontend.contact import BarrierContact
 from yasps.frontend.errors import NotConvergedError, SceneError
+from yasps.frontend.in_scene import InScene
 from yasps.frontend.newton_system import check_choices, solve_newton_system
 from yasps.frontend.progress import TimeTable
 from yasps.frontend.scene import Scene
@@ -294,7 +295,7 @@ def _of_one_instance(acceleration: ArrayLike, target: Attribute) -> FloatArray:
     return in_instances(real_numbers(acceleration, what), 1, target.shape, what).reshape(-1)
 
 
-class BackwardEuler:
+class BackwardEuler(InScene):
     """Steps a scene through time; the scene's energies must include `materials.inertia` of every part.
 
     accelerations: target -> uniform acceleration [m/s^2] of that target in free flight (gravity for positions and

@@ -90,7 +90,7 @@ class PrimitiveBase(Entity):
 class Primitive(PrimitiveBase):
     """A collection of instances. A dynamic one may change their number, e.g. contact pairs."""
 
-    kind = "primitive"
+    _kind = "primitive"
 
     def __init__(self, name: str, mesh: Mesh, num_instances: int, is_dynamic: bool) -> None:
         super().__init__(name, mesh)
@@ -173,7 +173,7 @@ class Primitive(PrimitiveBase):
 class PrimitiveUnion(PrimitiveBase):
     """The disjoint union of primitives (and primitive unions), in order: instances of the first come first."""
 
-    kind = "primitive union"
+    _kind = "primitive union"
 
     def __init__(self, name: str, mesh: Mesh, members: Sequence[PrimitiveBase]) -> None:
         super().__init__(name, mesh)

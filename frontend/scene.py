@@ -20,7 +20,7 @@ from yasps.frontend.compiled_scene import CompiledScene, CompileReport
 from yasps.frontend.cpu_scene import CpuScene
 from yasps.frontend.emit import EnergyTerm
 from yasps.frontend.entity import Entity
-from yasps.frontend.errors import NameTakenError, NotConvergedError, SceneError, ShapeMismatchError
+from yasps.frontend.errors import NotConvergedError, SceneError, ShapeMismatchError
 from yasps.frontend.hessian import Hessian
 from yasps.frontend.mesh import Mesh
 from yasps.frontend.newton_system import advice_on, check_choices, check_limits, solve_newton_system
@@ -64,7 +64,7 @@ class Scene(Entity):
     number. Nothing is global: scenes of the same name live side by side.
     """
 
-    kind = "scene"
+    _kind = "scene"
 
     def __init__(
         self,
@@ -75,7 +75,7 @@ class Scene(Entity):
         deterministic: bool = False,
     ) -> None:
         super().__init__("scene", None)
-        self.name = self._own_name = self.check_name(name, "a scene")
+        self.name = self.check_name(name, "a scene")
         if isinstance(device, str) and not _DEVICE_NAME.fullmatch(device):
             raise SceneError(f'device={device!r}: it must be "cpu", "cuda", or "cuda:N" for the GPU number N')
         if threads is not None and (not isinstance(threads, int) or isinstance(threads, bool) or threads < 1):
@@ -124,13 +124,6 @@ class Scene(Entity):
     def minimize_targets(self) -> tuple[Attribute, ...]:
         """Minimisation targets, in order."""
         return tuple(self._targets)
-
-    def check_name(self, name: object, what: str) -> str:
-        """The name, if it can be one and is free here."""
-        checked = super().check_name(name, what)
-        if checked == self.__dict__.get("_own_name"):
-            raise NameTakenError(f"{name!r} can't name {what}: it is the scene's own name; choose another")
-        return checked
 
     # -- construction --------------------------------------------------------------------------------------
 
@@ -352,7 +345,7 @@ class Scene(Entity):
         if arch is not None:
             from yasps.frontend.device_report import compile_for_device
 
-            return compile_for_device(CompileRequest(self.name, self._energies, self._targets), arch)
+            return compile_for_device(CompileRequest(self._symbol, self._energies, self._targets), arch)
         if self._compiled is None or self._compiled.is_outgrown:
             self._compiled = self._compile_for(self._energies, self._targets, [], self._dump_folder())
         return self._compiled
@@ -365,7 +358,7 @@ class Scene(Entity):
         dump_to: Path | None,
         dump_locations: bool = False,
     ) -> CompiledScene:
-        request = CompileRequest(self.name, energies, targets, outputs, dump_to, dump_locations)
+        request = CompileRequest(self._symbol, energies, targets, outputs, dump_to, dump_locations)
         compiled: CompiledScene
         if not self.is_on_device:
             compiled = CpuScene(request, self.runtime, deterministic=self._deterministic)
@@ -375,6 +368,12 @@ class Scene(Entity):
             compiled = CudaScene(request, self.device, deterministic=self._deterministic)
         self._alive.add(compiled)
         return compiled
+
+    @property
+    def _symbol(self) -> str:
+        """Its name in the IR: another than that of any part, whose paths don't end in a dot."""
+        taken = self.name in self.attributes or self.name in self._children
+        return f"{self.name}." if taken else self.name
 
     @property
     def compile_report(self) -> CompileReport:

@@ -12,6 +12,7 @@ import numpy as np
 
 from yasps.runtime.library import FloatArray, IntArray, LongArray, Runtime, as_vector, check_status, piece_count
 from yasps.runtime.ordering import FEWEST_BLOCKS, bandwidth_reducing_order
+from yasps.runtime.uncopied import Uncopied
 
 if TYPE_CHECKING:
     from scipy import sparse
@@ -42,7 +43,7 @@ class BlockGroup:
     values: FloatArray
 
 
-class BlockMatrix:
+class BlockMatrix(Uncopied):
     """A block-sparse symmetric matrix whose sparsity follows from index arrays.
 
     A matrix without any unknowns until `build`; `build` can be called again and reuses memory. Diagonal blocks are
