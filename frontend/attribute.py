@@ -32,6 +32,7 @@ from yasps.dialects.mat.base import dense
 from yasps.frontend.arrays import in_instances, real_numbers
 from yasps.frontend.errors import DataError, LineageError, SceneError, ShapeMismatchError
 from yasps.frontend.in_scene import InScene
+from yasps.frontend.paper_names import AttributeNames
 from yasps.frontend.spelling import both_spellings
 
 if TYPE_CHECKING:
@@ -142,7 +143,7 @@ class ComputedValue:
 
 
 @both_spellings
-class Attribute(InScene):
+class Attribute(AttributeNames, InScene):
     """A rows x cols matrix on every instance of its owner.
 
     Arithmetic gives new attributes: `+`, `-`, `*` (matrix product, or a 1x1 value times a matrix), `/` by a 1x1 value,

@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 from yasps.frontend.arrays import plain_array
 from yasps.frontend.errors import ConnectivityError
 from yasps.frontend.in_scene import InScene
+from yasps.frontend.paper_names import ConnectivityNames
 from yasps.frontend.spelling import both_spellings
 from yasps.runtime.device_indices import DeviceIndices, ForeignArrayError, device_indices, is_on_device
 
@@ -20,7 +21,7 @@ IntArray = NDArray[np.int32]
 
 
 @both_spellings
-class Connectivity(InScene):
+class Connectivity(ConnectivityNames, InScene):
     """A map from each instance of `source` to `arity` instances of `target`.
 
     Of a variable arity (`is_variable`), `arity` is the largest number of instances one refers to.

@@ -23,6 +23,7 @@ from yasps.frontend.errors import (
     ShapeMismatchError,
 )
 from yasps.frontend.in_scene import InScene
+from yasps.frontend.paper_names import EntityNames
 from yasps.frontend.spelling import both_spellings
 
 if TYPE_CHECKING:
@@ -32,7 +33,7 @@ NAME = re.compile(r"[A-Za-z][A-Za-z0-9_\-]*")
 
 
 @both_spellings
-class Entity(InScene, abc.ABC):
+class Entity(EntityNames, InScene, abc.ABC):
     """A scene, mesh, primitive or primitive union."""
 
     _kind = "entity"
@@ -106,7 +107,8 @@ class Entity(InScene, abc.ABC):
             raise NameTakenError(f"{checked!r} can't name {what}: {type(self).__name__} has a member of that name")
         return checked
 
-    def __getattr__(self, name: str) -> Any:
+    def _part(self, name: str) -> Any:
+        """The part of this name, for `__getattr__`; what that may be is said there."""
         children = self.__dict__.get("_children", {})
         if name in children:
             return children[name]

@@ -3,20 +3,25 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, cast
 
 from yasps.frontend.arrays import checked_count
 from yasps.frontend.entity import Entity
 from yasps.frontend.errors import SceneError
+from yasps.frontend.paper_names import MeshNames
 from yasps.frontend.primitive import Primitive, PrimitiveBase, PrimitiveUnion
 from yasps.frontend.spelling import both_spellings
 
 if TYPE_CHECKING:
     from yasps.frontend.scene import Scene
 
+    class AnyPrimitive(Primitive, PrimitiveUnion):
+        """What `mesh.name` is for type checkers, which don't know what was added under the name: they allow what
+        either of the two has."""
+
 
 @both_spellings
-class Mesh(Entity):
+class Mesh(MeshNames, Entity):
     """A group of primitives with attributes of its own; made by `Scene.add_mesh`."""
 
     _kind = "mesh"
@@ -34,6 +39,10 @@ class Mesh(Entity):
     def num_instances(self) -> int:
         """A mesh is one instance of itself."""
         return 1
+
+    def __getattr__(self, name: str) -> AnyPrimitive:
+        """A primitive or primitive union by its name."""
+        return cast("AnyPrimitive", self._part(name))
 
     def add_primitive(self, name: str, num_instances: int, is_dynamic: bool = False) -> Primitive:
         """Adds a primitive type with this many instances; reached as `mesh.name` afterwards.

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -14,6 +14,7 @@ from yasps.frontend.attribute import Attribute, FloatArray, Stored, United
 from yasps.frontend.connectivity import Connectivity
 from yasps.frontend.entity import Entity
 from yasps.frontend.errors import ConnectivityError, DataError, SceneError, ShapeMismatchError
+from yasps.frontend.paper_names import PrimitiveBaseNames, PrimitiveNames, PrimitiveUnionNames
 from yasps.frontend.spelling import both_spellings
 
 if TYPE_CHECKING:
@@ -22,7 +23,7 @@ if TYPE_CHECKING:
 
 
 @both_spellings
-class PrimitiveBase(Entity):
+class PrimitiveBase(PrimitiveBaseNames, Entity):
     """A primitive or a primitive union: something with instances, which can be connected."""
 
     def __init__(self, name: str, mesh: Mesh) -> None:
@@ -34,6 +35,10 @@ class PrimitiveBase(Entity):
     def scene(self) -> Scene:
         """The scene it belongs to."""
         return self.mesh.scene
+
+    def __getattr__(self, name: str) -> Connectivity:
+        """A connectivity by its name."""
+        return cast(Connectivity, self._part(name))
 
     def add_connectivity(
         self,
@@ -87,7 +92,7 @@ class PrimitiveBase(Entity):
 
 
 @both_spellings
-class Primitive(PrimitiveBase):
+class Primitive(PrimitiveNames, PrimitiveBase):
     """A collection of instances. A dynamic one may change their number, e.g. contact pairs."""
 
     _kind = "primitive"
@@ -170,7 +175,7 @@ class Primitive(PrimitiveBase):
 
 
 @both_spellings
-class PrimitiveUnion(PrimitiveBase):
+class PrimitiveUnion(PrimitiveUnionNames, PrimitiveBase):
     """The disjoint union of primitives (and primitive unions), in order: instances of the first come first."""
 
     _kind = "primitive union"

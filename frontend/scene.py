@@ -8,7 +8,7 @@ import weakref
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, overload
+from typing import TYPE_CHECKING, cast, overload
 
 import numpy as np
 
@@ -24,8 +24,9 @@ from yasps.frontend.errors import NotConvergedError, SceneError, ShapeMismatchEr
 from yasps.frontend.hessian import Hessian
 from yasps.frontend.mesh import Mesh
 from yasps.frontend.newton_system import advice_on, check_choices, check_limits, solve_newton_system
+from yasps.frontend.paper_names import SceneNames
 from yasps.frontend.scene_source import CompileRequest
-from yasps.frontend.spelling import both_spellings
+from yasps.frontend.spelling import both_spellings, paper_spelling
 from yasps.runtime.library import Runtime, load_runtime
 from yasps.runtime.solver import SolveReport
 from yasps.runtime.toolchain import find_compiler
@@ -55,7 +56,7 @@ class Solution:
 
 
 @both_spellings
-class Scene(Entity):
+class Scene(SceneNames, Entity):
     """Meshes, attributes, energies and minimisation targets, and what the compiler makes of them.
 
     device: "cpu"; "cuda", or "cuda:1" for another than the first GPU; or a `yasps.runtime.device.Device`, which several
@@ -126,6 +127,10 @@ class Scene(Entity):
         return tuple(self._targets)
 
     # -- construction --------------------------------------------------------------------------------------
+
+    def __getattr__(self, name: str) -> Mesh:
+        """A mesh by its name."""
+        return cast(Mesh, self._part(name))
 
     def add_mesh(self, name: str) -> Mesh:
         """Adds a mesh; reached as `scene.name` afterwards. Raises NameTakenError."""
@@ -224,6 +229,28 @@ class Scene(Entity):
         advice = advice_on(report, self.compile())
         raise NotConvergedError(f"the linear solver stopped: {report}. {advice} solve() returns the result as it is.")
 
+    @overload
+    def solve(
+        self,
+        tolerance: float = 1e-4,
+        max_iterations: int = 10_000,
+        *,
+        solver: str = "pcg",
+        projection: str = "always",
+        history: bool = False,
+    ) -> Solution: ...
+    @overload
+    def solve(
+        self,
+        tolerance: float = 1e-4,
+        *,
+        maxIterations: int,
+        solver: str = "pcg",
+        projection: str = "always",
+        history: bool = False,
+    ) -> Solution: ...
+
+    @paper_spelling
     def solve(
         self,
         tolerance: float = 1e-4,
@@ -319,8 +346,11 @@ class Scene(Entity):
     @overload
     def compile(self, *, need_targets: bool = True) -> CompiledScene: ...
     @overload
+    def compile(self, *, needTargets: bool) -> CompiledScene: ...
+    @overload
     def compile(self, *, device: str, arch: str) -> DeviceCompileReport: ...
 
+    @paper_spelling
     def compile(
         self, *, need_targets: bool = True, device: str | None = None, arch: str | None = None
     ) -> CompiledScene | DeviceCompileReport:
