@@ -8,8 +8,8 @@ import re
 from pathlib import Path
 from types import ModuleType
 
-import mypy.api
 import pytest
+from type_checking import ROOT, problems
 
 from yasps import Attribute, Connectivity, Mesh, Primitive, PrimitiveUnion, Scene
 from yasps.frontend import paper_names
@@ -17,7 +17,6 @@ from yasps.frontend.entity import Entity
 from yasps.frontend.primitive import PrimitiveBase
 from yasps.frontend.spelling import camel_case, snake_case
 
-ROOT = Path(__file__).parents[2]
 STUB = ROOT / "frontend" / "paper_names.pyi"
 CLASSES = (Entity, Scene, Mesh, PrimitiveBase, Primitive, PrimitiveUnion, Attribute, Connectivity)
 
@@ -133,19 +132,6 @@ scene.vertices = mesh
 points.add_connectivity("c", points, [0], 1).update_values([0])
 mesh.points.add_atribute("x", 3, 1)
 """
-
-
-def problems(script: str, folder: Path) -> list[str]:
-    """What mypy says of a user's script, in strict mode. The cache is that of `mypy` in the checkout, which CI has
-    filled by then; from an empty one it takes a minute."""
-    file = folder / "script.py"
-    file.write_text(script, encoding="utf-8")
-    options = ["--strict", "--config-file", str(ROOT / "pyproject.toml"), "--cache-dir", str(ROOT / ".mypy_cache")]
-    with pytest.MonkeyPatch.context() as patch:
-        patch.chdir(ROOT)
-        said, errors, _ = mypy.api.run([*options, "--no-error-summary", str(file)])
-    assert errors == ""
-    return [line for line in said.splitlines() if "error:" in line]
 
 
 def test_both_spellings_are_typed(tmp_path: Path) -> None:
