@@ -328,6 +328,18 @@ def test_counts_that_meet_beyond_int32_are_refused() -> None:
     assert "arity x entries of the source is 16" in message
 
 
+def test_more_unknowns_than_can_be_indexed_are_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+    scene = Scene("s")
+    x = scene.add_mesh("m").add_primitive("p", 3).add_attribute("x", 3, 1)
+    scene.add_energy(scene.m.p.add_attribute("e", computed_attribute=x.dot(x)))
+    scene.add_minimize_target(x)
+    monkeypatch.setattr("yasps.frontend.compiled_scene.MOST_SCALARS", 8)
+    with pytest.raises(SceneError, match="9 unknowns together, but at most 8"):
+        scene.minimize_energy()
+    monkeypatch.setattr("yasps.frontend.compiled_scene.MOST_SCALARS", 9)
+    scene.minimize_energy()
+
+
 def test_numbers_that_no_machine_holds_are_refused() -> None:
     """NumPy says MemoryError for some sizes and ValueError for others."""
     w = make_world()
