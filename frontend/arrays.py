@@ -23,6 +23,8 @@ def plain_array(values: ArrayLike, what: str, error: type[Exception] = DataError
     Raises `error`, named by `what`, for ragged lists, for masked entries (a plain array would show what lies under the
     mask), for arrays on a GPU and for what is no array.
     """
+    if type(values) is np.ndarray:
+        return values
     if is_on_device(values):
         raise error(f"{what} needs an array in the host's memory, got one on a GPU: copy it, e.g. by .get() or .cpu()")
     if _is_masked(values):

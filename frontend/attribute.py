@@ -243,7 +243,8 @@ class Attribute(AttributeNames, InScene):
         else:
             self._node.array = shaped.copy()
             self._owner.scene.arrays_moved(self._owner)
-        self._owner.set_num_instances(len(shaped))
+        if len(shaped) != self._owner.num_instances:
+            self._owner.set_num_instances(len(shaped))
 
     def _checked_values(self, values: ArrayLike) -> FloatArray:
         """The numbers as [instances, rows, columns], perhaps the same memory; raises as `update_value` does."""
