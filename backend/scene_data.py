@@ -96,6 +96,10 @@ def _array(path: Path, name: str, value: Any, dtype: Any) -> NDArray[Any]:
     try:
         array = np.asarray(value)
         if array.size == 0 or np.can_cast(array.dtype, dtype, "same_kind"):
+            if array.size and array.dtype.kind in "iu" and dtype is not np.float64:
+                least, greatest = np.iinfo(dtype).min, np.iinfo(dtype).max
+                if array.min() < least or array.max() > greatest:
+                    raise SceneDataError(f"{path}: {name} holds numbers that {np.dtype(dtype).name} does not")
             return array.astype(dtype)
     except ValueError:  # rows of different lengths
         pass

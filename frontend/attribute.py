@@ -29,7 +29,10 @@ from yasps.dialects.mat import (
     trigonometry,
 )
 from yasps.dialects.mat.base import dense
-from yasps.frontend.errors import DataError, LineageError, SceneError, ShapeMismatchError, YaspsError
+from yasps.frontend.arrays import in_instances, real_numbers
+from yasps.frontend.errors import DataError, LineageError, SceneError, ShapeMismatchError
+from yasps.frontend.in_scene import InScene
+from yasps.frontend.paper_names import AttributeNames
 from yasps.frontend.spelling import both_spellings
 
 if TYPE_CHECKING:
@@ -140,7 +143,7 @@ class ComputedValue:
 
 
 @both_spellings
-class Attribute:
+class Attribute(AttributeNames, InScene):
     """A rows x cols matrix on every instance of its owner.
 
     Arithmetic gives new attributes: `+`, `-`, `*` (matrix product, or a 1x1 value times a matrix), `/` by a 1x1 value,
@@ -219,36 +222,35 @@ class Attribute:
     # -- numbers -------------------------------------------------------------------------------------------
 
     def update_value(self, values: ArrayLike) -> None:
-        """Sets the numbers of a stored attribute: instances x rows x columns of them, in any shape, row-major.
+        """Sets the numbers of a stored attribute: [instances, rows, columns], [instances, rows * columns] or flat,
+        row-major; for one instance its matrix alone, too. Axes of length 1 may be left out.
 
         On a dynamic primitive the number of instances follows from the data; its other parts must follow before the
         next result (`Primitive.update` sets all at once).
 
-        Raises DataError for a wrong count, for what are no real numbers, for NaN and infinity; nothing is changed then.
+        Raises DataError for a wrong count or layout, for what are no real numbers, for masked entries, NaN and
+        infinity; nothing is changed then.
         Raises SceneError for a computed attribute.
         """
         if not isinstance(self._node, Stored) or self._owner is None:
             raise SceneError(
                 f"{self.path} is computed; only stored attributes (add_attribute with rows and cols) are set"
             )
-        array = checked_numbers(values, self.path)
-        size = self._shape[0] * self._shape[1]
-        count = self._owner.num_instances
-        if self._owner.follows_data and array.size % size == 0:
-            count = array.size // size
-        if array.size != count * size:
-            raise DataError(
-                f"{self.path} needs {count} x {spell(self._shape)} = {count * size} numbers, got {array.size}"
-                + (f" in shape {array.shape}" if array.ndim != 1 else "")
-            )
-        shaped = array.reshape(count, *self._shape)
+        shaped = self._checked_values(values)
         if self._node.array.shape == shaped.shape:
             self._node.array[...] = shaped
             self._node.version += 1
         else:
             self._node.array = shaped.copy()
             self._owner.scene.arrays_moved(self._owner)
-        self._owner.set_num_instances(count)
+        if len(shaped) != self._owner.num_instances:
+            self._owner.set_num_instances(len(shaped))
+
+    def _checked_values(self, values: ArrayLike) -> FloatArray:
+        """The numbers as [instances, rows, columns], perhaps the same memory; raises as `update_value` does."""
+        assert self._owner is not None
+        count = None if self._owner.follows_data else self._owner.num_instances
+        return in_instances(real_numbers(values, self.path), count, self._shape, self.path)
 
     def compute(self) -> ComputedValue:
         """Evaluates the attribute on all instances (compiled on first use)."""
@@ -476,26 +478,9 @@ def wrapped(index: object, length: int, word: str, attribute: Attribute) -> int:
     return number % length
 
 
-def checked_numbers(values: ArrayLike, what: str) -> FloatArray:
-    """float64 array of finite numbers, or DataError."""
-    try:
-        array = np.asarray(values)
-    except YaspsError:
-        raise  # from Attribute.__array__
-    except ValueError as error:
-        raise DataError(f"{what} needs numbers, got a ragged list: {error}") from error
-    if array.dtype.kind not in "fiub":
-        raise DataError(f"{what} needs real numbers, got {array.dtype}")
-    array = np.ascontiguousarray(array, dtype=np.float64)
-    bad = np.flatnonzero(~np.isfinite(array.ravel()))
-    if bad.size:
-        raise DataError(f"{what}: entry {bad[0]} is {array.ravel()[bad[0]]} ({bad.size} entries are not finite)")
-    return array
-
-
 def constant(values: ArrayLike) -> Attribute:
     """A matrix of numbers to compute with: a number is 1x1, a flat list of n numbers n x 1."""
-    array = checked_numbers(values, "a constant")
+    array = real_numbers(values, "a constant")
     if array.ndim > 2 or array.size == 0:
         raise ShapeMismatchError(f"a constant is a number, a vector or a matrix, got an array of shape {array.shape}")
     if array.ndim < 2:

@@ -20,10 +20,12 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from yasps.frontend.active_set import ActiveSet, Floats, Ids, active_set_of
+from yasps.frontend.arrays import plain_array, positive_number, real_numbers
 from yasps.frontend.errors import YaspsError
 from yasps.runtime.library import Runtime, load_runtime
 from yasps.runtime.surface_pairs import Surface, SurfacePairs
 from yasps.runtime.toolchain import find_compiler
+from yasps.runtime.uncopied import Uncopied
 
 _ROUNDING = 8 * float(np.finfo(np.float64).eps)
 
@@ -49,7 +51,7 @@ class Candidates:
         return len(self.pairs)
 
 
-class CollisionGeometry:
+class CollisionGeometry(Uncopied):
     """Collision queries for the surface of a whole scene, with fixed connectivity and moving vertices."""
 
     def __init__(
@@ -74,14 +76,12 @@ class CollisionGeometry:
         messages. `runtime`: loaded if not given. Raises ValueError for wrong shapes or ids, and for a group that
         holds both fixed and free vertices.
         """
-        rest = np.array(rest_positions, dtype=np.float64, order="C")
+        rest = real_numbers(rest_positions, "rest_positions", finite=False).copy()
         if rest.ndim != 2 or rest.shape[1:] != (3,):
             raise ValueError(f"rest_positions must have shape [n, 3], got {list(rest.shape)}")
         self.vertex_count = len(rest)
         _check_finite(rest, "rest_positions")
-        if not (np.isfinite(activation_distance) and activation_distance > 0):
-            raise ValueError(f"activation_distance must be a positive length, got {activation_distance}")
-        self.activation_distance = float(activation_distance)
+        self.activation_distance = positive_number(activation_distance, "activation_distance", "m")
         self._objects = _object_ranges(objects, self.vertex_count)
         faces = _element_ids(triangles, 3, self.vertex_count, "triangles")
         lines = _element_ids(np.empty((0, 2)) if edges is None else edges, 2, self.vertex_count, "edges")
@@ -209,7 +209,7 @@ class CollisionGeometry:
     # --- helpers ---
 
     def _checked(self, positions: ArrayLike, name: str) -> Floats:
-        full = np.ascontiguousarray(positions, dtype=np.float64)
+        full = real_numbers(positions, name, finite=False)
         if full.shape != (self.vertex_count, 3):
             raise ValueError(
                 f"{name} must have shape [{self.vertex_count}, 3], one row per vertex of the scene,"
@@ -296,7 +296,7 @@ def _check_finite(positions: Floats, name: str) -> None:
 
 def _element_ids(elements: ArrayLike, arity: int, vertex_count: int, name: str) -> Ids:
     """Checked [m, arity] vertex ids."""
-    ids = np.asarray(elements)
+    ids = plain_array(elements, name)
     if ids.size == 0:
         return np.empty((0, arity), np.int32)
     if ids.ndim != 2 or ids.shape[1] != arity:
@@ -317,8 +317,8 @@ def _filter_labels(fixed: ArrayLike | None, group: ArrayLike | None, vertex_coun
     """One label per vertex such that exactly the pairs of equal labels are left out; None if no pair is."""
     if fixed is None and group is None:
         return None
-    labels = np.full(vertex_count, -1) if group is None else np.array(group)
-    still = np.zeros(vertex_count, np.bool_) if fixed is None else np.asarray(fixed)
+    labels = np.full(vertex_count, -1) if group is None else plain_array(group, "group")
+    still = np.zeros(vertex_count, np.bool_) if fixed is None else plain_array(fixed, "fixed")
     if labels.shape != (vertex_count,) or not np.issubdtype(labels.dtype, np.integer):
         raise ValueError(f"group must be integers [{vertex_count}], got {labels.dtype} {list(labels.shape)}")
     if still.shape != (vertex_count,) or still.dtype != np.bool_:

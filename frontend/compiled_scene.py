@@ -20,11 +20,12 @@ from yasps.frontend.attribute import Attribute, FloatArray, Joined, Location, St
 from yasps.frontend.connectivity import Connectivity
 from yasps.frontend.emit import EnergyTerm
 from yasps.frontend.entity import Entity
-from yasps.frontend.errors import ConnectivityError, NotFiniteError
+from yasps.frontend.errors import ConnectivityError, NotFiniteError, SceneError
 from yasps.frontend.hessian import Hessian
+from yasps.frontend.in_scene import InScene
 from yasps.frontend.primitive import Primitive, PrimitiveBase, PrimitiveUnion
 from yasps.frontend.scene_source import CompileRequest, SceneSource
-from yasps.runtime.block_matrix import BlockGroup
+from yasps.runtime.block_matrix import MOST_SCALARS, BlockGroup
 from yasps.runtime.library import Projection
 from yasps.runtime.solver import SolveReport
 
@@ -95,7 +96,7 @@ class _Reads:
             stack.extend(new)
 
 
-class CompiledScene(ABC):
+class CompiledScene(InScene, ABC):
     """Machine code for energies, targets and outputs of a scene, bound to its arrays."""
 
     def __init__(self, request: CompileRequest) -> None:
@@ -237,8 +238,8 @@ class CompiledScene(ABC):
     def bind(self) -> None:
         """Points the program to the scene's arrays, if any has moved.
 
-        Raises DataError or ConnectivityError for numbers or indices that don't fit the numbers of instances: kernels
-        read without checks.
+        Raises DataError or ConnectivityError for numbers or indices that don't fit the numbers of instances, since
+        kernels read without checks; SceneError for more unknowns than 32-bit indices reach.
         """
         if self._bound:
             return
@@ -255,6 +256,10 @@ class CompiledScene(ABC):
             assert isinstance(target.node, Stored)
             _set_if_new(self._starts, self.emitter.symbol_of(target), np.array([start], np.int64))
             start += target.node.array.size
+        if start > MOST_SCALARS:
+            raise SceneError(
+                f"the minimisation targets have {start} unknowns together, but at most {MOST_SCALARS} can be solved for"
+            )
         for symbol, owner in self.emitter.owners.items():
             if isinstance(owner, PrimitiveUnion):
                 _set_if_new(self._offsets, symbol, owner.offsets())

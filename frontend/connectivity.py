@@ -7,7 +7,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from yasps.frontend.arrays import plain_array
 from yasps.frontend.errors import ConnectivityError
+from yasps.frontend.in_scene import InScene
+from yasps.frontend.paper_names import ConnectivityNames
 from yasps.frontend.spelling import both_spellings
 from yasps.runtime.device_indices import DeviceIndices, ForeignArrayError, device_indices, is_on_device
 
@@ -18,7 +21,7 @@ IntArray = NDArray[np.int32]
 
 
 @both_spellings
-class Connectivity:
+class Connectivity(ConnectivityNames, InScene):
     """A map from each instance of `source` to `arity` instances of `target`.
 
     Of a variable arity (`is_variable`), `arity` is the largest number of instances one refers to.
@@ -140,12 +143,7 @@ class Connectivity:
             )
 
     def _checked(self, indices: ArrayLike) -> IntArray:
-        try:
-            array: NDArray[Any] = np.asarray(indices)
-        except ValueError as error:
-            raise ConnectivityError(
-                f"{self.path} has arity {self.arity}, so every row needs {self.arity} indices, got a ragged list"
-            ) from error
+        array: NDArray[Any] = plain_array(indices, f"{self.path}, of arity {self.arity},", ConnectivityError)
         if array.size == 0:
             array = array.astype(np.int32)
         if array.dtype.kind not in "iu":
@@ -155,11 +153,13 @@ class Connectivity:
             )
         if array.ndim == 2 and array.shape[1] != self.arity:
             raise ConnectivityError(
-                f"{self.path} has arity {self.arity}, but the rows have {array.shape[1]} indices each"
+                f"{self.path} has arity {self.arity}, but the rows have {array.shape[1]} indices each: the array has "
+                f"shape {array.shape}, and (instances, {self.arity}) is taken"
             )
-        if array.ndim > 2 or array.size % self.arity:
+        if array.ndim not in (1, 2) or array.size % self.arity:
             raise ConnectivityError(
-                f"{self.path} has arity {self.arity}; {array.size} indices of shape {array.shape} don't fill whole rows"
+                f"{self.path} has arity {self.arity}; {array.size} indices of shape {array.shape} don't fill whole "
+                f"rows: give them flat, or as rows in shape (instances, {self.arity})"
             )
         rows = array.reshape(-1, self.arity)
         self._check_count(len(rows))
@@ -168,7 +168,8 @@ class Connectivity:
 
     def _checked_variable(self, indices: ArrayLike, counts: ArrayLike) -> IntArray:
         """Rows filled up with -1 from flat indices and how many of them each instance has (CSR)."""
-        flat, lengths = np.asarray(indices), np.asarray(counts)
+        flat: NDArray[Any] = plain_array(indices, f"{self.path}: indices", ConnectivityError)
+        lengths: NDArray[Any] = plain_array(counts, f"{self.path}: counts", ConnectivityError)
         for array, what in ((flat, "indices"), (lengths, "counts")):
             if array.ndim != 1 or (array.size and array.dtype.kind not in "iu"):
                 raise ConnectivityError(
@@ -184,28 +185,32 @@ class Connectivity:
                 "this "
                 "connectivity"
             )
-        if lengths.sum() != flat.size:
-            raise ConnectivityError(
-                f"{self.path}: the counts add up to {int(lengths.sum())}, but there are {flat.size} indices"
-            )
+        total = sum(lengths.tolist())  # of Python integers, which don't overflow
+        if total != flat.size:
+            raise ConnectivityError(f"{self.path}: the counts add up to {total}, but there are {flat.size} indices")
         if not self.source.follows_data and lengths.size != self.source.num_instances:
             raise ConnectivityError(
                 f"{self.path} needs {self.source.num_instances} counts, one for each instance of {self.source.path}, "
                 "got "
                 f"{lengths.size}"
             )
-        rows = np.full((lengths.size, max(1, int(lengths.max(initial=0)))), -1, np.int64)
-        rows[np.arange(rows.shape[1]) < lengths[:, None]] = flat
-        wrong = np.argwhere(
-            (rows >= self.target.num_instances) | ((rows < 0) & (np.arange(rows.shape[1]) < lengths[:, None]))
-        )
+        wrong = np.flatnonzero((flat < 0) | (flat >= self.target.num_instances))
         if len(wrong):
-            row, slot = wrong[0]
+            row = int(np.searchsorted(np.cumsum(lengths), wrong[0], side="right"))
             raise ConnectivityError(
-                f"{self.path}: index {rows[row, slot]} of instance {row} is out of range; {self.target.label} has "
+                f"{self.path}: index {flat[wrong[0]]} of instance {row} is out of range; {self.target.label} has "
                 f"{self.target.num_instances} instances"
             )
-        return rows.astype(np.int32)
+        longest = max(1, int(lengths.max(initial=0)))
+        try:
+            rows = np.full((lengths.size, longest), -1, np.int32)
+            rows[np.arange(longest) < lengths[:, None]] = flat
+        except MemoryError as error:
+            raise ConnectivityError(
+                f"{self.path}: {lengths.size} rows, each as long as the longest, {longest}, don't fit into memory; "
+                "connect the few instances with so many neighbours through a primitive of their own"
+            ) from error
+        return rows
 
     def check_consistent(self) -> None:
         """Raises ConnectivityError if source or target have changed their number of instances and the indices have not.

@@ -16,9 +16,11 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from yasps.frontend.active_set import ActiveSet, MollifiedPairs, Pairs
+from yasps.frontend.arrays import positive_number
 from yasps.frontend.attribute import Attribute, FloatArray
 from yasps.frontend.collision_geometry import Candidates, CollisionGeometry
 from yasps.frontend.errors import SceneError
+from yasps.frontend.in_scene import InScene
 from yasps.frontend.mesh import Mesh
 from yasps.frontend.primitive import Primitive, PrimitiveBase
 
@@ -97,7 +99,7 @@ KINDS: dict[str, _Kind] = {
 }
 
 
-class BarrierContact:
+class BarrierContact(InScene):
     """Contact of a scene's surface with itself: one dynamic primitive and one energy for each kind of close pair.
 
     mesh: where the primitives are added (and its constants `squared_reach` [m^2] and `stiffness` [J/m^4]).
@@ -122,8 +124,7 @@ class BarrierContact:
         objects: Mapping[str, int] | None = None,
         projection: str = "clamp",
     ) -> None:
-        if not stiffness > 0:
-            raise SceneError(f"contact stiffness must be positive, got {stiffness} J/m^4")
+        stiffness = positive_number(stiffness, "contact stiffness", "J/m^4", SceneError)
         self.position = vertices["position"]
         if self.position.shape != (3, 1):
             raise SceneError(f"contact needs 3x1 positions, but {self.position.path} is {self.position.shape}")

@@ -11,7 +11,8 @@ from numpy.typing import ArrayLike
 
 from yasps.dialects.mat import spell
 from yasps.dialects.rel.body import JOIN_OPERATIONS
-from yasps.frontend.attribute import Attribute, Joined, Named, Stored, checked_numbers, concat_cols
+from yasps.frontend.arrays import checked_count
+from yasps.frontend.attribute import Attribute, Joined, Named, Stored, concat_cols
 from yasps.frontend.connectivity import Connectivity
 from yasps.frontend.errors import (
     ConnectivityError,
@@ -21,6 +22,8 @@ from yasps.frontend.errors import (
     SceneError,
     ShapeMismatchError,
 )
+from yasps.frontend.in_scene import InScene
+from yasps.frontend.paper_names import EntityNames
 from yasps.frontend.spelling import both_spellings
 
 if TYPE_CHECKING:
@@ -30,14 +33,14 @@ NAME = re.compile(r"[A-Za-z][A-Za-z0-9_\-]*")
 
 
 @both_spellings
-class Entity(abc.ABC):
+class Entity(EntityNames, InScene, abc.ABC):
     """A scene, mesh, primitive or primitive union."""
 
-    kind = "entity"
+    _kind = "entity"
 
     def __init__(self, name: str, parent: Entity | None) -> None:
         self.name = name
-        self.parent = parent
+        self._parent = parent
         self.attributes: dict[str, Attribute] = {}
         self._children: dict[str, Any] = {}
 
@@ -69,20 +72,20 @@ class Entity(abc.ABC):
     @property
     def path(self) -> str:
         """Dotted name inside the scene; empty for the scene itself."""
-        above = self.parent.path if self.parent is not None else ""
+        above = self._parent.path if self._parent is not None else ""
         return f"{above}.{self.name}" if above else self.name
 
     @property
     def label(self) -> str:
         """Name for messages."""
-        return f"{self.kind} {self.path}"
+        return f"{self._kind} {self.path}"
 
     def lineage(self) -> list[Entity]:
         """Itself, its parent, and so on up to the scene."""
-        return [self, *(self.parent.lineage() if self.parent is not None else [])]
+        return [self, *(self._parent.lineage() if self._parent is not None else [])]
 
     def __repr__(self) -> str:
-        return f"<{self.kind} {self.path or self.name}: {self.num_instances} instances>"
+        return f"<{self._kind} {self.path or self.name}: {self.num_instances} instances>"
 
     # -- names ---------------------------------------------------------------------------------------------
 
@@ -104,13 +107,14 @@ class Entity(abc.ABC):
             raise NameTakenError(f"{checked!r} can't name {what}: {type(self).__name__} has a member of that name")
         return checked
 
-    def __getattr__(self, name: str) -> Any:
+    def _part(self, name: str) -> Any:
+        """The part of this name, for `__getattr__`; what that may be is said there."""
         children = self.__dict__.get("_children", {})
         if name in children:
             return children[name]
         known = ", ".join([*children, *(k for k in self.__dict__.get("attributes", {}))]) or "nothing"
         hint = f"; {name!r} is an attribute: write [{name!r}]" if name in self.__dict__.get("attributes", {}) else ""
-        raise AttributeError(f"{self.kind} {self.__dict__.get('name', '?')} has no {name!r}; it has {known}{hint}")
+        raise AttributeError(f"{self._kind} {self.__dict__.get('name', '?')} has no {name!r}; it has {known}{hint}")
 
     def __contains__(self, name: object) -> bool:
         """Is there an attribute of this name?"""
@@ -194,22 +198,25 @@ class Entity(abc.ABC):
 
     def _add_stored(self, name: str, rows: int, cols: int, value: ArrayLike | None, constant: bool) -> Attribute:
         self.check_name(name, "an attribute")
-        for count, word in ((rows, "rows"), (cols, "cols")):
-            if not isinstance(count, int | np.integer) or isinstance(count, bool) or count < 1:
-                raise ShapeMismatchError(
-                    f"{self.label}, attribute {name!r}: {word} must be a positive integer, got {count!r}"
-                )
-        shape = (int(rows), int(cols))
-        stored = Stored(np.zeros((self.num_instances, *shape)), constant)
+        label = f"{self.label}, attribute {name!r}"
+        shape = (
+            checked_count(rows, f"{label}: rows", 1, ShapeMismatchError),
+            checked_count(cols, f"{label}: cols", 1, ShapeMismatchError),
+        )
+        size = checked_count(shape[0] * shape[1], f"{label}: rows x cols", 1, ShapeMismatchError)
+        try:
+            stored = Stored(np.zeros((self.num_instances, *shape)), constant)
+        except (MemoryError, ValueError) as error:  # ValueError: more bytes than a machine can address
+            needed = f"{self.num_instances} x {spell(shape)} numbers are {8e-9 * self.num_instances * size:.3g} GB"
+            raise DataError(f"{label}: {needed}, more than there is memory for") from error
         attribute = Attribute(self, shape, stored, name)
         if value is not None:
-            numbers = checked_numbers(value, attribute.path)
-            if numbers.size != stored.array.size:
+            numbers = attribute._checked_values(value)
+            if len(numbers) != self.num_instances:  # those of a dynamic primitive are given together, by update
                 raise DataError(
-                    f"{attribute.path} needs {self.num_instances} x {spell(shape)} = {stored.array.size} numbers, got "
-                    f"{numbers.size}"
+                    f"{attribute.path} needs numbers for {self.num_instances} instances, got {len(numbers)}"
                 )
-            stored.array = numbers.reshape(stored.array.shape).copy()
+            stored.array = numbers.copy()
         return self._register(name, attribute)
 
     def _add_named(self, name: str, expression: Attribute) -> Attribute:
@@ -252,6 +259,8 @@ class Entity(abc.ABC):
                     "operation; sum the rows of the JOIN instead"
                 )
             shape = (through.arity, source.shape[0] * source.shape[1])
+            entries = f"{self.label}, attribute {name!r}: arity x entries of the source"
+            checked_count(shape[0] * shape[1], entries, 1, ShapeMismatchError)
             return self._register(name, Attribute(self, shape, Joined(through, source), name))
         if operation not in JOIN_OPERATIONS:
             raise SceneError(

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from yasps.frontend.arrays import real_numbers
 from yasps.frontend.tetrahedral_mesh import TET_EDGES, Float64Array, MeshError, TetrahedralMesh, Vector
 
 ImplicitSurface = Callable[[Float64Array], Float64Array]
@@ -51,7 +52,7 @@ def stuff_isosurface(function: ImplicitSurface, lower: Vector, upper: Vector, sp
             shape or are not finite, nothing is inside, the surface leaves the box, or the spacing is so coarse that
             the surface touches itself.
     """
-    lattice = Lattice.over_box(np.asarray(lower, np.float64), np.asarray(upper, np.float64), spacing)
+    lattice = Lattice.over_box(_corner(lower, "lower"), _corner(upper, "upper"), spacing)
     points = lattice.points()
     values = evaluate(function, points)
     lattice.check_contains(values)
@@ -99,7 +100,7 @@ def stuff_isosurface_with_vertex_count(
     Raises:
         MeshError: as `stuff_isosurface`; or no spacing was found, which happens for very small wishes.
     """
-    low, high = np.asarray(lower, np.float64), np.asarray(upper, np.float64)
+    low, high = _corner(lower, "lower"), _corner(upper, "upper")
     if vertices < 4:
         raise MeshError(f"A mesh of {vertices} vertices was asked for, but one tetrahedron alone has four.")
     # First guess: two lattice points per cube of the volume, which a coarse sampling of the box measures.
@@ -214,9 +215,13 @@ class Lattice:
 _SQUARE = ((0, 0), (1, 0), (1, 1), (0, 1))
 
 
+def _corner(given: Vector, name: str) -> Float64Array:
+    return real_numbers(given, f"the box's {name} corner", MeshError, finite=False)
+
+
 def evaluate(function: ImplicitSurface, points: Float64Array) -> Float64Array:
     """The function's values [n] at points [n, 3], refused when they have another shape or are not finite."""
-    values = np.asarray(function(points), dtype=np.float64)
+    values = real_numbers(function(points), "the function", MeshError, finite=False)
     if values.shape != (len(points),):
         raise MeshError(
             f"The function gave an array of shape {values.shape} for positions of shape {points.shape}, "

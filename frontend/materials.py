@@ -12,6 +12,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from yasps.frontend.arrays import real_numbers, vertices_and_elements
 from yasps.frontend.attribute import Attribute, as_attribute, concat_rows, identity
 from yasps.frontend.errors import SceneError, ShapeMismatchError
 from yasps.frontend.functions import select
@@ -47,11 +48,10 @@ def rest_shape(vertices: ArrayLike, tets: ArrayLike) -> tuple[NDArray[np.float64
     """For tets at rest: inverse of the matrix whose columns are the edges from vertex 0, [m, 3, 3] in 1/m, and volume
     [m].
 
-    Raises ShapeMismatchError for wrong shapes, SceneError for a tet of no or negative volume.
+    Raises ShapeMismatchError for wrong shapes, DataError for wrong numbers and indices, SceneError for a tet of no or
+    negative volume.
     """
-    x, t = np.asarray(vertices, dtype=np.float64), np.asarray(tets)
-    if x.ndim != 2 or x.shape[1] != 3 or t.ndim != 2 or t.shape[1] != 4:
-        raise ShapeMismatchError(f"rest_shape needs vertices [n, 3] and tets [m, 4], got {x.shape} and {t.shape}")
+    x, t = vertices_and_elements(vertices, tets, 4, ("vertices", "tets"))
     edges = (x[t[:, 1:]] - x[t[:, :1]]).swapaxes(1, 2)
     volumes = np.linalg.det(edges) / 6
     inverted = np.flatnonzero(~(volumes > 0))
@@ -71,20 +71,19 @@ def rest_triangles(
     area [m^2].
 
     Plane coordinates are along `warp`, projected into each triangle's plane, and across it.
-    Raises ShapeMismatchError for wrong shapes, SceneError for a triangle of no area or one that warp is normal to.
+    Raises ShapeMismatchError for wrong shapes, DataError for wrong numbers and indices, SceneError for a triangle of no
+    area or one that warp is normal to.
     """
-    x, t = np.asarray(vertices, dtype=np.float64), np.asarray(triangles)
-    if x.ndim != 2 or x.shape[1] != 3 or t.ndim != 2 or t.shape[1] != 3:
-        raise ShapeMismatchError(
-            f"rest_triangles needs vertices [n, 3] and triangles [m, 3], got {x.shape} and {t.shape}"
-        )
+    x, t = vertices_and_elements(vertices, triangles, 3, ("vertices", "triangles"))
     edges = x[t[:, 1:]] - x[t[:, :1]]
     normals = np.cross(edges[:, 0], edges[:, 1])
     double = np.linalg.norm(normals, axis=1, keepdims=True)
     flat = np.flatnonzero(~(double > 0))
     if flat.size:
         raise SceneError(f"triangle {flat[0]} has no area at rest ({flat.size} triangles have none)")
-    direction = np.asarray(warp, dtype=np.float64)
+    direction = real_numbers(warp, "warp")
+    if direction.shape != (3,):
+        raise ShapeMismatchError(f"warp is a direction, three numbers, got shape {direction.shape}")
     normals = normals / double
     along = direction - (normals @ direction)[:, None] * normals
     length = np.linalg.norm(along, axis=1, keepdims=True)
@@ -167,7 +166,7 @@ def hinge_bending(positions: Attribute, stiffness: Scalar) -> Attribute:
     positions: 4x3 (a JOIN), the shared edge is rows 0 and 1, row 2 lies on its left and row 3 on its right, so that
     (0, 1, 2) and (1, 0, 3) turn the same way. N: unit normals; theta: the angle between them. stiffness [J]: bending
     stiffness times 3 l^2 / (area of both), l the edge's rest length (Grinspun et al. 2003, "Discrete shells", eq. 3).
-    The square keeps it smooth where the hinge is flat, where the paper's l |N_1 - N_2| (9.2) has no derivative.
+    The square keeps it smooth where the hinge is flat, where the paper's l |N_1 - N_2| (9.5) has no derivative.
     """
     first, second = _hinge_normals(positions)
     difference = first / first.norm() - second / second.norm()
@@ -202,4 +201,4 @@ def inertia(position: Attribute, predicted: Attribute, mass: Scalar, time_step: 
 
 def gravity(position: Attribute, mass: Scalar, acceleration: Sequence[float] = (0.0, 0.0, -9.8)) -> Attribute:
     """Potential [J] of a uniform field: -m a . x. acceleration [m/s^2]."""
-    return as_attribute(mass) * position.reshape(3, 1).dot(-np.asarray(acceleration, dtype=np.float64))
+    return as_attribute(mass) * position.reshape(3, 1).dot(-real_numbers(acceleration, "the acceleration"))

@@ -3,24 +3,28 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, cast
 
-import numpy as np
-
+from yasps.frontend.arrays import checked_count
 from yasps.frontend.entity import Entity
 from yasps.frontend.errors import SceneError
+from yasps.frontend.paper_names import MeshNames
 from yasps.frontend.primitive import Primitive, PrimitiveBase, PrimitiveUnion
 from yasps.frontend.spelling import both_spellings
 
 if TYPE_CHECKING:
     from yasps.frontend.scene import Scene
 
+    class AnyPrimitive(Primitive, PrimitiveUnion):
+        """What `mesh.name` is for type checkers, which don't know what was added under the name: they allow what
+        either of the two has."""
+
 
 @both_spellings
-class Mesh(Entity):
+class Mesh(MeshNames, Entity):
     """A group of primitives with attributes of its own; made by `Scene.add_mesh`."""
 
-    kind = "mesh"
+    _kind = "mesh"
 
     def __init__(self, name: str, scene: Scene) -> None:
         super().__init__(name, scene)
@@ -36,22 +40,23 @@ class Mesh(Entity):
         """A mesh is one instance of itself."""
         return 1
 
+    def __getattr__(self, name: str) -> AnyPrimitive:
+        """A primitive or primitive union by its name."""
+        return cast("AnyPrimitive", self._part(name))
+
     def add_primitive(self, name: str, num_instances: int, is_dynamic: bool = False) -> Primitive:
         """Adds a primitive type with this many instances; reached as `mesh.name` afterwards.
 
         Raises NameTakenError for a bad name, SceneError for a bad number of instances.
         """
         self.check_child_name(name, "a primitive")
-        if not isinstance(num_instances, int | np.integer) or isinstance(num_instances, bool) or num_instances < 0:
-            raise SceneError(
-                f"{self.label}, primitive {name!r}: num_instances must be an integer >= 0, got {num_instances!r}"
-            )
-        if num_instances == 0 and not is_dynamic:
+        count = checked_count(num_instances, f"{self.label}, primitive {name!r}: num_instances", 0, SceneError)
+        if count == 0 and not is_dynamic:
             raise SceneError(
                 f"{self.label}, primitive {name!r} has no instances; give num_instances >= 1, or is_dynamic=True "
                 "if they come later"
             )
-        primitive = Primitive(name, self, int(num_instances), bool(is_dynamic))
+        primitive = Primitive(name, self, count, bool(is_dynamic))
         self._children[name] = primitive
         self.scene.structure_changed()
         return primitive
@@ -74,6 +79,8 @@ class Mesh(Entity):
                 raise SceneError(f"{self.label}, primitive union {name!r}: {member.label} belongs to another scene")
         if len(set(members)) != len(members):
             raise SceneError(f"{self.label}, primitive union {name!r} names the same member twice")
+        together = sum(member.num_instances for member in members)
+        checked_count(together, f"{self.label}, primitive union {name!r}: the number of all instances", 0, SceneError)
         union = PrimitiveUnion(name, self, members)
         self._children[name] = union
         self.scene.structure_changed()

@@ -12,10 +12,12 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import ArrayLike
 
+from yasps.frontend.arrays import in_instances, positive_number, real_numbers
 from yasps.frontend.attribute import Attribute, FloatArray
 from yasps.frontend.collision_geometry import Candidates
 from yasps.frontend.contact import BarrierContact
 from yasps.frontend.errors import NotConvergedError, SceneError
+from yasps.frontend.in_scene import InScene
 from yasps.frontend.newton_system import check_choices, solve_newton_system
 from yasps.frontend.progress import TimeTable
 from yasps.frontend.scene import Scene
@@ -114,6 +116,7 @@ def minimize(
     Raises NotConvergedError after settings.max_iterations, or when the linear solver or the line search fails; the
     targets then have the last accepted values.
     """
+    time_step = positive_number(time_step, "time_step", "s", SceneError)
     measured = [contact.position] if contact is not None else list(positions)
     return _Minimization(scene, measured, time_step, contact, settings, times or TimeTable()).run()
 
@@ -286,7 +289,13 @@ class MovingPart:
     mass: Attribute
 
 
-class BackwardEuler:
+def _of_one_instance(acceleration: ArrayLike, target: Attribute) -> FloatArray:
+    """The acceleration of a target, flat."""
+    what = f"the acceleration of {target.path}"
+    return in_instances(real_numbers(acceleration, what), 1, target.shape, what).reshape(-1)
+
+
+class BackwardEuler(InScene):
     """Steps a scene through time; the scene's energies must include `materials.inertia` of every part.
 
     accelerations: target -> uniform acceleration [m/s^2] of that target in free flight (gravity for positions and
@@ -306,8 +315,7 @@ class BackwardEuler:
         settings: NewtonSettings = NewtonSettings(),
         times: TimeTable | None = None,
     ) -> None:
-        if not time_step > 0:
-            raise SceneError(f"time_step must be positive, got {time_step} s")
+        time_step = positive_number(time_step, "time_step", "s", SceneError)
         self.scene = scene
         self.parts = list(parts)
         self.time_step = time_step
@@ -316,7 +324,9 @@ class BackwardEuler:
         self.times = times or TimeTable()
         self.time = 0.0
         self.velocities = [np.zeros((part.position.owner.num_instances, 3)) for part in parts if part.position.owner]
-        self._accelerations = dict(accelerations or {})
+        self._accelerations = {
+            target: _of_one_instance(acceleration, target) for target, acceleration in (accelerations or {}).items()
+        }
         self._target_velocities = [np.zeros_like(target.value) for target in scene.minimize_targets]
 
     def step(self) -> NewtonReport:
@@ -346,7 +356,7 @@ class BackwardEuler:
             acceleration = self._accelerations.get(target)
             flight = old + dt * velocity
             if acceleration is not None:
-                flight = flight + dt * dt * np.resize(np.asarray(acceleration, dtype=np.float64), old.shape)
+                flight = flight + dt * dt * np.tile(acceleration, old.size // acceleration.size)
             guess.append(flight)
         motion = Motion(self.scene)
         with self.times.stage("first guess"):

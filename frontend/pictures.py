@@ -20,6 +20,7 @@ from typing import Any, Final, Self, cast
 import numpy as np
 import numpy.typing as npt
 
+from yasps.frontend.arrays import plain_array, real_numbers
 from yasps.frontend.errors import YaspsError
 from yasps.frontend.soft_shadow import soft_shadow
 
@@ -147,7 +148,7 @@ class FramePictures:
         self._triangles = {surface.name: _checked_triangles(surface) for surface in surfaces}
         self._vertices = {surface.name: _checked_vertices(surface.name, surface.vertices, None) for surface in surfaces}
         self._ground_height = ground_height
-        self._bounds = self._scene_box() if bounds is None else np.asarray(bounds, dtype=float)
+        self._bounds = self._scene_box() if bounds is None else real_numbers(bounds, "bounds", PictureError)
         if self._bounds.shape != (2, 3) or not (self._bounds[0] <= self._bounds[1]).all():
             raise PictureError("bounds must hold the lowest and the highest corner, shape [2, 3].")
         self._diagonal = float(np.linalg.norm(self._bounds[1] - self._bounds[0])) or 1.0
@@ -290,7 +291,9 @@ def camera_position(bounds: Points, view_direction: tuple[float, float, float], 
     Raises:
         PictureError: the direction is zero or vertical.
     """
-    towards = np.asarray(view_direction, dtype=float)
+    towards = real_numbers(view_direction, "view_direction", PictureError).copy()
+    if towards.shape != (3,):
+        raise PictureError(f"view_direction is {view_direction}; it must be three numbers.")
     right = np.cross([0.0, 0.0, 1.0], towards)
     if not np.linalg.norm(right) > 1e-6 * np.linalg.norm(towards):
         raise PictureError(f"view_direction is {view_direction}; it must not be zero or vertical (z is up).")
@@ -322,7 +325,7 @@ def vertex_normals(vertices: Points, triangles: npt.NDArray[np.int64]) -> Points
 
 
 def _checked_vertices(name: str, values: npt.ArrayLike, expected: int | None) -> Points:
-    vertices = np.array(values, dtype=float)
+    vertices = real_numbers(values, f"surface '{name}'", PictureError, finite=False).copy()
     if vertices.ndim != 2 or vertices.shape[1] != 3 or len(vertices) != (expected or len(vertices)):
         raise PictureError(
             f"The vertices of surface '{name}' have shape {list(vertices.shape)}, expected [{expected or 'n'}, 3]."
@@ -334,7 +337,9 @@ def _checked_vertices(name: str, values: npt.ArrayLike, expected: int | None) ->
 
 
 def _checked_triangles(surface: Surface) -> npt.NDArray[np.int64]:
-    triangles = np.asarray(surface.triangles)
+    triangles: npt.NDArray[Any] = plain_array(
+        surface.triangles, f"The triangles of surface '{surface.name}'", PictureError
+    )
     if triangles.ndim != 2 or triangles.shape[1] != 3 or triangles.dtype.kind not in "iu" or not len(triangles):
         raise PictureError(
             f"The triangles of surface '{surface.name}' have shape {list(triangles.shape)} and type "

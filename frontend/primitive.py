@@ -3,16 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from yasps.dialects.mat import spell
-from yasps.frontend.attribute import Attribute, FloatArray, Stored, United, checked_numbers
+from yasps.frontend.arrays import checked_count
+from yasps.frontend.attribute import Attribute, FloatArray, Stored, United
 from yasps.frontend.connectivity import Connectivity
 from yasps.frontend.entity import Entity
 from yasps.frontend.errors import ConnectivityError, DataError, SceneError, ShapeMismatchError
+from yasps.frontend.paper_names import PrimitiveBaseNames, PrimitiveNames, PrimitiveUnionNames
 from yasps.frontend.spelling import both_spellings
 
 if TYPE_CHECKING:
@@ -21,7 +23,7 @@ if TYPE_CHECKING:
 
 
 @both_spellings
-class PrimitiveBase(Entity):
+class PrimitiveBase(PrimitiveBaseNames, Entity):
     """A primitive or a primitive union: something with instances, which can be connected."""
 
     def __init__(self, name: str, mesh: Mesh) -> None:
@@ -33,6 +35,10 @@ class PrimitiveBase(Entity):
     def scene(self) -> Scene:
         """The scene it belongs to."""
         return self.mesh.scene
+
+    def __getattr__(self, name: str) -> Connectivity:
+        """A connectivity by its name."""
+        return cast(Connectivity, self._part(name))
 
     def add_connectivity(
         self,
@@ -59,13 +65,9 @@ class PrimitiveBase(Entity):
             raise ConnectivityError(f"{self.label}, connectivity {name!r}: {target.label} belongs to another scene")
         if (arity is None) == (counts is None):
             raise ConnectivityError(f"{self.label}, connectivity {name!r}: give either arity or counts")
-        if arity is not None and (not isinstance(arity, int | np.integer) or isinstance(arity, bool) or arity < 1):
-            raise ConnectivityError(
-                f"{self.label}, connectivity {name!r}: arity must be a positive integer, got {arity!r}"
-            )
-        connectivity = Connectivity(
-            name, self, target, indices, arity=int(arity) if arity is not None else None, counts=counts
-        )
+        if arity is not None:
+            arity = checked_count(arity, f"{self.label}, connectivity {name!r}: arity", 1, ConnectivityError)
+        connectivity = Connectivity(name, self, target, indices, arity=arity, counts=counts)
         if self.follows_data and len(connectivity.indices) != self.num_instances:
             if any(len(other.indices) for other in self.connectivities.values()):
                 raise ConnectivityError(
@@ -90,10 +92,10 @@ class PrimitiveBase(Entity):
 
 
 @both_spellings
-class Primitive(PrimitiveBase):
+class Primitive(PrimitiveNames, PrimitiveBase):
     """A collection of instances. A dynamic one may change their number, e.g. contact pairs."""
 
-    kind = "primitive"
+    _kind = "primitive"
 
     def __init__(self, name: str, mesh: Mesh, num_instances: int, is_dynamic: bool) -> None:
         super().__init__(name, mesh)
@@ -117,12 +119,11 @@ class Primitive(PrimitiveBase):
 
     def set_num_instances(self, count: int) -> None:
         """Notes the new number of instances of a dynamic primitive; its connectivities and data must follow."""
-        if not isinstance(count, int | np.integer) or isinstance(count, bool) or count < 0:
-            raise SceneError(f"{self.label}: the number of instances must be an integer >= 0, got {count!r}")
+        count = checked_count(count, f"{self.label}: the number of instances", 0, SceneError)
         if not self.is_dynamic:
             super().set_num_instances(count)
         if count != self._num_instances:
-            self._num_instances = int(count)
+            self._num_instances = count
             self.scene.size_changed(self)
 
     def update(self, /, **parts: Any) -> None:
@@ -141,22 +142,16 @@ class Primitive(PrimitiveBase):
                 counts[name] = len(indices[connectivity])
             elif name in self.attributes and isinstance(self.attributes[name].node, Stored):
                 attribute = self.attributes[name]
-                array = checked_numbers(value, attribute.path)
-                size = attribute.shape[0] * attribute.shape[1]
-                if array.size % size:
-                    raise DataError(
-                        f"{attribute.path} is {spell(attribute.shape)}: {array.size} numbers don't fill instances"
-                    )
                 node = attribute.node
                 assert isinstance(node, Stored)
-                numbers[node] = array.reshape(-1, *attribute.shape).copy()
+                numbers[node] = attribute._checked_values(value).copy()
                 counts[name] = len(numbers[node])
             else:
                 known = ", ".join(self._counts_without({})) or "none"
                 raise SceneError(f"{self.label} has no connectivity or stored attribute {name!r}; it has {known}")
         if not counts:
             return
-        count = next(iter(counts.values())) if self.is_dynamic else self.num_instances
+        count = next(iter(counts.values()))
         kept = self._counts_without(parts)
         if any(other != count for other in (*counts.values(), *kept.values())):
             listed = ", ".join(f"{name}: {given}" for name, given in counts.items())
@@ -164,7 +159,6 @@ class Primitive(PrimitiveBase):
             raise DataError(
                 f"{self.label}: all parts need the same number of instances, got {listed}"
                 + (f"; not given and so kept: {unchanged}" if unchanged else "")
-                + ("" if self.is_dynamic else f"; it is not dynamic and has {count} instances")
             )
         for connectivity, checked in indices.items():
             connectivity._replace(checked)
@@ -181,10 +175,10 @@ class Primitive(PrimitiveBase):
 
 
 @both_spellings
-class PrimitiveUnion(PrimitiveBase):
+class PrimitiveUnion(PrimitiveUnionNames, PrimitiveBase):
     """The disjoint union of primitives (and primitive unions), in order: instances of the first come first."""
 
-    kind = "primitive union"
+    _kind = "primitive union"
 
     def __init__(self, name: str, mesh: Mesh, members: Sequence[PrimitiveBase]) -> None:
         super().__init__(name, mesh)
@@ -204,6 +198,11 @@ class PrimitiveUnion(PrimitiveBase):
         """A union's number of instances follows from its members'."""
         if count != self.num_instances:
             raise SceneError(f"{self.label} has {self.num_instances} instances, those of its members; got {count}")
+
+    def check_consistent(self) -> None:
+        """As for a primitive; and raises SceneError if dynamic members have become too many together."""
+        super().check_consistent()
+        checked_count(self.num_instances, f"{self.label}: the number of all instances", 0, SceneError)
 
     def offsets(self) -> np.ndarray[Any, np.dtype[np.int64]]:
         """Where each member's instances start, and the total: int64 [members + 1]."""

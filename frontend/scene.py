@@ -8,7 +8,7 @@ import weakref
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, overload
+from typing import TYPE_CHECKING, cast, overload
 
 import numpy as np
 
@@ -20,12 +20,13 @@ from yasps.frontend.compiled_scene import CompiledScene, CompileReport
 from yasps.frontend.cpu_scene import CpuScene
 from yasps.frontend.emit import EnergyTerm
 from yasps.frontend.entity import Entity
-from yasps.frontend.errors import NameTakenError, NotConvergedError, SceneError, ShapeMismatchError
+from yasps.frontend.errors import NotConvergedError, SceneError, ShapeMismatchError
 from yasps.frontend.hessian import Hessian
 from yasps.frontend.mesh import Mesh
 from yasps.frontend.newton_system import advice_on, check_choices, check_limits, solve_newton_system
+from yasps.frontend.paper_names import SceneNames
 from yasps.frontend.scene_source import CompileRequest
-from yasps.frontend.spelling import both_spellings
+from yasps.frontend.spelling import both_spellings, paper_spelling
 from yasps.runtime.library import Runtime, load_runtime
 from yasps.runtime.solver import SolveReport
 from yasps.runtime.toolchain import find_compiler
@@ -55,7 +56,7 @@ class Solution:
 
 
 @both_spellings
-class Scene(Entity):
+class Scene(SceneNames, Entity):
     """Meshes, attributes, energies and minimisation targets, and what the compiler makes of them.
 
     device: "cpu"; "cuda", or "cuda:1" for another than the first GPU; or a `yasps.runtime.device.Device`, which several
@@ -64,7 +65,7 @@ class Scene(Entity):
     number. Nothing is global: scenes of the same name live side by side.
     """
 
-    kind = "scene"
+    _kind = "scene"
 
     def __init__(
         self,
@@ -75,7 +76,7 @@ class Scene(Entity):
         deterministic: bool = False,
     ) -> None:
         super().__init__("scene", None)
-        self.name = self._own_name = self.check_name(name, "a scene")
+        self.name = self.check_name(name, "a scene")
         if isinstance(device, str) and not _DEVICE_NAME.fullmatch(device):
             raise SceneError(f'device={device!r}: it must be "cpu", "cuda", or "cuda:N" for the GPU number N')
         if threads is not None and (not isinstance(threads, int) or isinstance(threads, bool) or threads < 1):
@@ -125,14 +126,11 @@ class Scene(Entity):
         """Minimisation targets, in order."""
         return tuple(self._targets)
 
-    def check_name(self, name: object, what: str) -> str:
-        """The name, if it can be one and is free here."""
-        checked = super().check_name(name, what)
-        if checked == self.__dict__.get("_own_name"):
-            raise NameTakenError(f"{name!r} can't name {what}: it is the scene's own name; choose another")
-        return checked
-
     # -- construction --------------------------------------------------------------------------------------
+
+    def __getattr__(self, name: str) -> Mesh:
+        """A mesh by its name."""
+        return cast(Mesh, self._part(name))
 
     def add_mesh(self, name: str) -> Mesh:
         """Adds a mesh; reached as `scene.name` afterwards. Raises NameTakenError."""
@@ -231,6 +229,28 @@ class Scene(Entity):
         advice = advice_on(report, self.compile())
         raise NotConvergedError(f"the linear solver stopped: {report}. {advice} solve() returns the result as it is.")
 
+    @overload
+    def solve(
+        self,
+        tolerance: float = 1e-4,
+        max_iterations: int = 10_000,
+        *,
+        solver: str = "pcg",
+        projection: str = "always",
+        history: bool = False,
+    ) -> Solution: ...
+    @overload
+    def solve(
+        self,
+        tolerance: float = 1e-4,
+        *,
+        maxIterations: int,
+        solver: str = "pcg",
+        projection: str = "always",
+        history: bool = False,
+    ) -> Solution: ...
+
+    @paper_spelling
     def solve(
         self,
         tolerance: float = 1e-4,
@@ -326,8 +346,11 @@ class Scene(Entity):
     @overload
     def compile(self, *, need_targets: bool = True) -> CompiledScene: ...
     @overload
+    def compile(self, *, needTargets: bool) -> CompiledScene: ...
+    @overload
     def compile(self, *, device: str, arch: str) -> DeviceCompileReport: ...
 
+    @paper_spelling
     def compile(
         self, *, need_targets: bool = True, device: str | None = None, arch: str | None = None
     ) -> CompiledScene | DeviceCompileReport:
@@ -352,7 +375,7 @@ class Scene(Entity):
         if arch is not None:
             from yasps.frontend.device_report import compile_for_device
 
-            return compile_for_device(CompileRequest(self.name, self._energies, self._targets), arch)
+            return compile_for_device(CompileRequest(self._symbol, self._energies, self._targets), arch)
         if self._compiled is None or self._compiled.is_outgrown:
             self._compiled = self._compile_for(self._energies, self._targets, [], self._dump_folder())
         return self._compiled
@@ -365,7 +388,7 @@ class Scene(Entity):
         dump_to: Path | None,
         dump_locations: bool = False,
     ) -> CompiledScene:
-        request = CompileRequest(self.name, energies, targets, outputs, dump_to, dump_locations)
+        request = CompileRequest(self._symbol, energies, targets, outputs, dump_to, dump_locations)
         compiled: CompiledScene
         if not self.is_on_device:
             compiled = CpuScene(request, self.runtime, deterministic=self._deterministic)
@@ -375,6 +398,12 @@ class Scene(Entity):
             compiled = CudaScene(request, self.device, deterministic=self._deterministic)
         self._alive.add(compiled)
         return compiled
+
+    @property
+    def _symbol(self) -> str:
+        """Its name in the IR: another than that of any part, whose paths don't end in a dot."""
+        taken = self.name in self.attributes or self.name in self._children
+        return f"{self.name}." if taken else self.name
 
     @property
     def compile_report(self) -> CompileReport:

@@ -40,19 +40,15 @@ def paper_spelling(function: Callable[..., Any]) -> Callable[..., Any]:
 def both_spellings(cls: type[T]) -> type[T]:
     """Class decorator: every public method and property of several words is there in camelCase too.
 
-    A method of one word (`solve`) keeps its name and takes its keyword arguments in both spellings.
+    Type checkers don't see what it adds: for them the names stand in paper_names.pyi, the base class `...Names` of each
+    class. A method of one word (`solve`) keeps its name; those that have keywords of several words are decorated by
+    `paper_spelling` and show type checkers both by overloads.
     """
     for name, member in list(vars(cls).items()):
         if name.startswith("_"):
             continue
         if isinstance(member, property):
             setattr(cls, camel_case(name), member)
-        elif inspect.isfunction(member) and ("_" in name or _has_keywords_of_several_words(member)):
+        elif inspect.isfunction(member) and "_" in name:
             setattr(cls, camel_case(name), paper_spelling(member))
     return cls
-
-
-def _has_keywords_of_several_words(function: Callable[..., Any]) -> bool:
-    """Any parameter to translate? Not for `**names`, which are the user's own."""
-    parameters = inspect.signature(function).parameters.values()
-    return any("_" in parameter.name for parameter in parameters if parameter.kind is not parameter.VAR_KEYWORD)

@@ -10,6 +10,7 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial.transform import Rotation
 
+from yasps.frontend.arrays import plain_array, real_numbers
 from yasps.frontend.errors import YaspsError
 
 Float64Array = npt.NDArray[np.float64]
@@ -208,7 +209,11 @@ def flip_inverted_tets(vertices: Float64Array, tets: npt.NDArray[np.integer]) ->
 
     Returns:
         The tetrahedra [m, 4] and how many were flipped. The arguments are unchanged.
+
+    Raises:
+        MeshError: an index out of range, or what are no indices.
     """
+    tets = _checked_tets(tets, len(vertices))
     inverted = signed_volumes(vertices, tets) < 0
     flipped = tets.copy()
     flipped[inverted, 2], flipped[inverted, 3] = tets[inverted, 3], tets[inverted, 2]
@@ -218,14 +223,19 @@ def flip_inverted_tets(vertices: Float64Array, tets: npt.NDArray[np.integer]) ->
 def drop_unused_vertices(
     vertices: Float64Array, tets: npt.NDArray[np.integer]
 ) -> tuple[Float64Array, npt.NDArray[np.integer]]:
-    """Remove the vertices that no tetrahedron uses and renumber the others, keeping their order."""
+    """Remove the vertices that no tetrahedron uses and renumber the others, keeping their order.
+
+    Raises:
+        MeshError: an index out of range, or what are no indices.
+    """
+    tets = _checked_tets(tets, len(vertices))
     used = np.zeros(len(vertices), dtype=bool)
     used[tets] = True
     return vertices[used], (np.cumsum(used) - 1)[tets]
 
 
 def _checked_vertices(given: npt.ArrayLike) -> Float64Array:
-    array = np.asarray(given)
+    array = plain_array(given, "vertices", MeshError)
     if array.ndim != 2 or array.shape[1] != 3 or array.dtype.kind not in "fiu":
         raise MeshError(
             f"vertices is an array of shape {array.shape} of {array.dtype}, "
@@ -242,7 +252,7 @@ def _checked_vertices(given: npt.ArrayLike) -> Float64Array:
 
 
 def _checked_tets(given: npt.ArrayLike, vertex_count: int) -> Int32Array:
-    array = np.asarray(given)
+    array = plain_array(given, "tets", MeshError)
     if array.ndim != 2 or array.shape[1] != 4 or array.dtype.kind not in "iu":
         raise MeshError(
             f"tets is an array of shape {array.shape} of {array.dtype}, "
@@ -284,7 +294,7 @@ def _check_orientation(vertices: Float64Array, tets: Int32Array) -> None:
 
 
 def _vector(given: Vector, name: str) -> Float64Array:
-    vector = np.asarray(given, dtype=np.float64)
+    vector = real_numbers(given, f"the {name}", MeshError, finite=False)
     if vector.shape != (3,) or not np.isfinite(vector).all():
         raise MeshError(f"The {name} is {given}, but it must be three finite numbers.")
     return vector

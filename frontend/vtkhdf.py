@@ -22,6 +22,7 @@ import h5py
 import numpy as np
 import numpy.typing as npt
 
+from yasps.frontend.arrays import plain_array
 from yasps.frontend.errors import YaspsError
 
 Array = npt.NDArray[Any]
@@ -180,10 +181,12 @@ class VtkHdfSeries:
 
     def _checked(self, what: str, values: npt.ArrayLike, rows: int) -> Array:
         """`values` as an array of a storable type with `rows` rows and no NaN."""
-        array = np.asarray(values)
+        array: Array = plain_array(values, what, OutputFileError)
         if array.dtype.kind == "b":
             array = array.astype(np.uint8)
         elif array.dtype.kind in "iu":
+            if array.size and array.max() > np.iinfo(np.int64).max:
+                raise OutputFileError(f"{what} holds {array.max()}, more than the file's signed 64-bit integers do.")
             array = array.astype(np.int64)
         elif array.dtype.kind == "f":
             # What is too great for 4 bytes becomes infinite, which the test below reports.
@@ -291,7 +294,7 @@ def _flat_cells(cells: Mapping[str, npt.ArrayLike], number_of_points: int) -> tu
         if name not in CELL_KINDS:
             raise OutputFileError(f"Unknown kind of cell '{name}'; known are {', '.join(CELL_KINDS)}.")
         number, arity = CELL_KINDS[name]
-        array = np.asarray(values)
+        array: Array = plain_array(values, f"The cells '{name}'", OutputFileError)
         if array.ndim != 2 or array.shape[1] != arity or array.dtype.kind not in "iu":
             raise OutputFileError(
                 f"The cells '{name}' have shape {list(array.shape)} and type {array.dtype}, expected "

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from yasps.runtime.block_matrix import BlockMatrix
 from yasps.runtime.library import FloatArray, IntArray, LongArray, Projection, Runtime, check_status, piece_count
+from yasps.runtime.uncopied import Uncopied
 
 # Doubles of gradient or matrix in a tile, the unit in which pieces share memory; as in runtime.h.
 _TILE = 512
@@ -97,7 +98,7 @@ class _Marks:
     tiles: NDArray[np.uint8]
 
 
-class Assembler:
+class Assembler(Uncopied):
     """Owns the memory that threads assemble into; keep one and use it for every assembly."""
 
     def __init__(self, runtime: Runtime, *, deterministic: bool = False) -> None:

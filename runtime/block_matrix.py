@@ -12,6 +12,7 @@ import numpy as np
 
 from yasps.runtime.library import FloatArray, IntArray, LongArray, Runtime, as_vector, check_status, piece_count
 from yasps.runtime.ordering import FEWEST_BLOCKS, bandwidth_reducing_order
+from yasps.runtime.uncopied import Uncopied
 
 if TYPE_CHECKING:
     from scipy import sparse
@@ -19,7 +20,7 @@ if TYPE_CHECKING:
 _BAD_SLOT = 2
 _TOO_MANY_BLOCKS = 3
 # Padded vectors are indexed with 32-bit integers; padding makes a vector at most four times as long.
-_MOST_SCALARS = 2**29 - 1
+MOST_SCALARS = 2**29 - 1
 # Fewer instances than this, such as contacts, are sorted before a second thread has woken up.
 _FEW = 2048
 # The product reads whole vectors and so up to three doubles past the last block.
@@ -42,7 +43,7 @@ class BlockGroup:
     values: FloatArray
 
 
-class BlockMatrix:
+class BlockMatrix(Uncopied):
     """A block-sparse symmetric matrix whose sparsity follows from index arrays.
 
     A matrix without any unknowns until `build`; `build` can be called again and reuses memory. Diagonal blocks are
@@ -321,8 +322,8 @@ def _check_layout(boundaries: LongArray, block_sizes: IntArray) -> tuple[LongArr
         raise ValueError(
             f"target {target} has {lengths[target]} scalars, which is not a whole number of blocks of {sizes[target]}"
         )
-    if bounds[-1] > _MOST_SCALARS:
-        raise ValueError(f"{bounds[-1]} unknowns; the runtime can index at most {_MOST_SCALARS}")
+    if bounds[-1] > MOST_SCALARS:
+        raise ValueError(f"{bounds[-1]} unknowns; the runtime can index at most {MOST_SCALARS}")
     return bounds.copy(), sizes.copy()
 
 

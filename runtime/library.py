@@ -26,6 +26,7 @@ from yasps.runtime.toolchain import (
     compile_sources,
     link,
 )
+from yasps.runtime.uncopied import Uncopied
 
 #: Instances a generated kernel evaluates at once.
 LANES = 8
@@ -124,7 +125,7 @@ class Projection(IntEnum):
 
 
 @dataclass(frozen=True)
-class Runtime:
+class Runtime(Uncopied):
     """The loaded runtime library.
 
     library: for calls into the C interface. threads: how many OpenMP threads functions use when not told otherwise.

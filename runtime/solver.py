@@ -12,6 +12,7 @@ import numpy as np
 
 from yasps.runtime.block_matrix import BlockMatrix
 from yasps.runtime.library import FloatArray, Runtime, as_vector, check_status, piece_count
+from yasps.runtime.uncopied import Uncopied
 
 
 class StopReason(Enum):
@@ -80,7 +81,7 @@ class _Result(ctypes.Structure):
     ]
 
 
-class PcgSolver:
+class PcgSolver(Uncopied):
     """Conjugate gradients with block-Jacobi preconditioner (paper, section 8 and appendix D).
 
     Owns the solver's vectors; keep one and use it for every solve.

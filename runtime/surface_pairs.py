@@ -13,6 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from yasps.runtime.library import FloatArray, IntArray, Runtime, check_status
+from yasps.runtime.uncopied import Uncopied
 
 KINDS = 7
 """Kinds of close pairs, in the order of `Kind` in close_pairs.cpp."""
@@ -44,7 +45,7 @@ class ClosePairs:
     threshold: FloatArray
 
 
-class Surface:
+class Surface(Uncopied):
     """The pieces of a surface, in bounding volume trees."""
 
     def __init__(

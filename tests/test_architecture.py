@@ -64,8 +64,8 @@ def test_an_installed_package_has_all_that_is_compiled_when_it_runs() -> None:
     """Whatever lies beside the Python files is named in pyproject.toml."""
     settings = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
     patterns: dict[str, list[str]] = settings["tool"]["setuptools"]["package-data"]
-    for folder in ("backend", "runtime"):
-        packaged = {path for pattern in patterns[f"yasps.{folder}"] for path in (ROOT / folder).glob(pattern)}
+    for folder in MAY_IMPORT:
+        packaged = {path for pattern in patterns.get(f"yasps.{folder}", []) for path in (ROOT / folder).glob(pattern)}
         beside = {
             path
             for path in (ROOT / folder).rglob("*")

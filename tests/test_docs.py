@@ -25,6 +25,7 @@ LANGUAGE = ROOT / "docs" / "language.md"
 GPU = ROOT / "docs" / "gpu.md"
 STEPPING = ROOT / "docs" / "contact-and-stepping.md"
 README = ROOT / "README.md"
+DOCUMENTS = [README, *sorted((ROOT / "docs").glob("*.md"))]
 ADVICE = "if that is meant, run `python docs/update_excerpts.py` and look at `git diff`"
 
 
@@ -82,7 +83,7 @@ def test_readme_names_every_option_of_two_bunnies(capsys: pytest.CaptureFixture[
 
 
 def test_links_lead_somewhere() -> None:
-    for document in (README, *sorted((ROOT / "docs").glob("*.md"))):
+    for document in DOCUMENTS:
         text = document.read_text(encoding="utf-8")
         for link in re.findall(r"\]\(([^)#]+)(?:#[^)]*)?\)", text):
             if not link.startswith("http"):
@@ -236,6 +237,24 @@ def test_variable_arity_is_as_described() -> None:
     ring = vertices.connectivities["ring"]
     assert ring.arity == 2
     assert ring.indices.tolist() == [[1, -1], [0, 2], [1, -1]]
+
+
+def test_parts_of_a_dynamic_primitive_are_set_together() -> None:
+    scene = Scene("pairs")
+    mesh = scene.add_mesh("mesh")
+    vertices, pairs = mesh.add_primitive("vertices", 10), mesh.add_primitive("pairs", 0, is_dynamic=True)
+    pairs.add_connectivity("vertices", vertices, [], 2)
+    pairs.add_constant("weight", 1, 1)
+    exec(snippet("pairs.update"), {"pairs": pairs})
+    assert pairs.num_instances == 2
+    assert pairs.vertices.indices.tolist() == [[0, 7], [1, 9]]
+
+
+def test_every_python_block_is_run() -> None:
+    """Whoever writes one more writes a test of it."""
+    shown = {name.name: len(re.findall(r"```python", name.read_text(encoding="utf-8"))) for name in DOCUMENTS}
+    run = {"README.md": 1, "architecture.md": 1, "contact-and-stepping.md": 1, "gpu.md": 1, "language.md": 3}
+    assert {name: count for name, count in shown.items() if count} == run
 
 
 def test_the_inverse_problem_is_solved() -> None:

@@ -213,7 +213,7 @@ def test_wrong_input_is_named() -> None:
         CollisionGeometry(TRIANGLE, [[0, 1]], 0.1)
     with pytest.raises(ValueError, match="integer vertex ids"):
         CollisionGeometry(TRIANGLE, [[0.0, 1.0, 2.0]], 0.1)
-    with pytest.raises(ValueError, match="activation_distance must be a positive length"):
+    with pytest.raises(ValueError, match="activation_distance must be positive"):
         CollisionGeometry(TRIANGLE, ONE, 0.0)
     with pytest.raises(ValueError, match="which sum to 3"):
         CollisionGeometry(TRIANGLE, ONE, 0.1, objects={"cloth": 4})

@@ -131,10 +131,6 @@ TABLE: dict[str, Refused] = {
         lambda w: w.body.add_primitive_union("points", [w.tets]), NameTakenError, ("mesh body", "'points'")
     ),
     "mesh twice": Refused(lambda w: w.scene.add_mesh("body"), NameTakenError, ("scene world", "'body'")),
-    "mesh named like the scene": Refused(lambda w: w.scene.add_mesh("world"), NameTakenError, ("'world'", "own name")),
-    "attribute named like the scene": Refused(
-        lambda w: w.scene.add_attribute("world", 1, 1), NameTakenError, ("'world'", "own name")
-    ),
     "mesh that hides a method": Refused(
         lambda w: w.scene.add_mesh("add_energy"), NameTakenError, ("'add_energy'", "Scene", "member")
     ),

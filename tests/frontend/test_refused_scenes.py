@@ -89,7 +89,7 @@ TABLE: dict[str, Refused] = {
         lambda w: w.pairs.update(pair2point=[[0, 1]]), DataError, ("pair2point: 1", "not given", "weight: 2")
     ),
     "update of a static primitive's size": Refused(
-        lambda w: w.points.update(x=np.zeros((6, 3))), DataError, ("x: 6", "not dynamic", "5 instances")
+        lambda w: w.points.update(x=np.zeros((6, 3))), DataError, ("body.points.x", "5 x 3x1 = 15", "(6, 3)")
     ),
     "update with a bad last part": Refused(
         lambda w: w.pairs.update(pair2point=[[0, 1]], weight=[np.nan]), DataError, ("all.pairs.weight", "nan")
@@ -101,7 +101,7 @@ TABLE: dict[str, Refused] = {
         lambda w: w.pairs.update(weights=[1.0]), SceneError, ("'weights'", "pair2point, weight")
     ),
     "update of a computed attribute": Refused(lambda w: w.points.update(energy=[1.0] * 5), SceneError, ("'energy'",)),
-    "update that fills no instance": Refused(lambda w: w.points.update(x=[1.0] * 4), DataError, ("3x1", "4 numbers")),
+    "update that fills no instance": Refused(lambda w: w.points.update(x=[1.0] * 4), DataError, ("3x1", "got 4")),
     # energies and targets (paper, 4.7)
     "energy of a vector": Refused(
         lambda w: w.scene.add_energy(w.x), ShapeMismatchError, ("body.points.x", "3x1", "1x1")

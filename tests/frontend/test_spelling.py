@@ -92,10 +92,10 @@ def test_keywords_in_either_spelling() -> None:
     s.addEnergy(a.addAttribute("cube", computedAttribute=x.dot(x)), dynamic_instances=False)
     assert s.minimizeTargets == (x,)
     np.testing.assert_allclose(s.minimizeEnergy(tolerance=1e-12, maxIterations=50)[0], [1.0, 2.0])
-    solution = s.solve(1e-12, maxIterations=50)  # type: ignore[call-arg]
+    solution = s.solve(1e-12, maxIterations=50)
     np.testing.assert_allclose(solution.directions[0], [1.0, 2.0])
     assert s.totalEnergy() == s.total_energy() == 10.0
-    assert s.compile(needTargets=False) is s.compile(need_targets=True)  # type: ignore[call-arg]
+    assert s.compile(needTargets=False) is s.compile(need_targets=True)
 
 
 def test_a_keyword_in_both_spellings_is_refused() -> None:

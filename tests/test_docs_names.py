@@ -1,0 +1,164 @@
+"""The documents name nothing that is not there: what they show in running text is type-checked, and files exist."""
+
+from __future__ import annotations
+
+import ast
+import builtins
+import re
+from pathlib import Path
+
+import pytest
+from type_checking import ROOT, problems
+
+import yasps
+from yasps.dialects.mat import OPERATIONS
+from yasps.dialects.rel import Rel
+from yasps.frontend import materials
+
+DOCUMENTS = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
+
+PREAMBLE = """
+from typing import Any
+import numpy as np
+import yasps
+import yasps.runtime.cuda_device
+from yasps import {public}
+import yasps.backend, yasps.dialects, yasps.examples, yasps.frontend, yasps.passes
+from yasps.frontend.scene import Solution
+from yasps.backend.interpreter import Interpreter
+from yasps.frontend.collision_geometry import CollisionGeometry
+from yasps.frontend.compiled_scene import CompiledScene
+from yasps.frontend.contact import BarrierContact
+from yasps.frontend.materials import *
+from yasps.frontend.newton import BackwardEuler, MovingPart, NewtonReport, NewtonSettings, minimize
+from yasps.passes.pipeline import run_pipeline
+from yasps.runtime.solver import SolveReport
+any_: Any
+"""
+
+# What the names in the documents stand for; whatever else they name is anything.
+STANDS_FOR = {
+    "scene": "Scene",
+    "mesh": "Mesh",
+    "primitive": "Primitive",
+    "owner": "Primitive",
+    "pairs": "Primitive",
+    "union": "PrimitiveUnion",
+    "connectivity": "Connectivity",
+    **dict.fromkeys(("attribute", "position", "a", "b", "x"), "Attribute"),
+    "solution": "Solution",
+    "report": "SolveReport",
+    "compiled_scene": "CompiledScene",
+    "contact": "BarrierContact",
+    "geometry": "CollisionGeometry",
+    "stepper": "BackwardEuler",
+    "module": "Any",
+    "data": "Any",
+}
+# Methods that the documents show without their object.
+OBJECT_OF = {
+    "scene": "yasps",
+    **dict.fromkeys(("addMesh", "total_energy", "hessian", "dump_ir"), "scene"),
+    "addPrimitive": "mesh",
+    "assemble": "compiled_scene",
+    "compute": "attribute",
+    "step": "stepper",
+    **dict.fromkeys(("candidates", "covers", "active_set", "step_bound", "check_intersection_free"), "geometry"),
+}
+NO_PYTHON = re.compile(r"X_\w+\(|jit\(")  # generated functions; another library's
+ENDINGS = r"py|pyi|h|cu|cuh|md|cpp"
+
+
+def running_text(document: Path) -> str:
+    text = document.read_text(encoding="utf-8")
+    return re.sub(r"^ *```.*?^ *```$", "", text, flags=re.MULTILINE | re.DOTALL)
+
+
+def shown(text: str) -> list[str]:
+    """The pieces of code in running text."""
+    return [code.replace(r"\|", "|") for code in re.findall(r"`([^`\n]+)`", text)]
+
+
+def is_file(code: str) -> bool:
+    return re.fullmatch(rf"[\w/]+\.({ENDINGS})", code) is not None
+
+
+def as_python(code: str) -> str | None:
+    """The code with `...` filled in, if it calls or takes something of ours."""
+    if is_file(code):
+        return None
+    code = code.replace("*, ", "")  # of signatures
+    method = code.partition("(")[0]
+    if method in OBJECT_OF and method != code:
+        code = f"{OBJECT_OF[method]}.{code}"
+    for dots, anything in {
+        "(...)": "(*any_, **any_)",
+        "(..., ": "(*any_, ",
+        ", ...)": ", **any_)",
+        "...": "*any_",
+    }.items():
+        code = re.sub(r"(?<==)( ?)\.\.\.", r"\1any_", code).replace(dots, anything)
+    try:
+        tree = ast.parse(code)
+    except SyntaxError:
+        return None
+    roots = {
+        node.value.id for node in ast.walk(tree) if isinstance(node, ast.Attribute) and isinstance(node.value, ast.Name)
+    }
+    called = any(isinstance(node, ast.Call) for node in ast.walk(tree))
+    return code if (called or roots & {*STANDS_FOR, "yasps"}) and not NO_PYTHON.match(code) else None
+
+
+def script(codes: list[str]) -> str:
+    """A user's script with these pieces, each in a function of its own, in order from line 1 of the result's end."""
+    known = {*re.findall(r"\w+", PREAMBLE), *yasps.__all__, *dir(builtins), *dir(materials)}
+    names = {node.id for code in codes for node in ast.walk(ast.parse(code)) if isinstance(node, ast.Name)}
+    declared = [f"{name}: {kind}" for name, kind in STANDS_FOR.items()]
+    declared += [f"{name}: Any" for name in sorted(names - known - set(STANDS_FOR))]
+    public = ", ".join(name for name in yasps.__all__ if name != "scene")  # in the documents it is one
+    return "\n".join([PREAMBLE.format(public=public), *declared, *codes, ""])
+
+
+def test_pieces_of_code_are_found() -> None:
+    found = [code for document in DOCUMENTS for code in map(as_python, shown(running_text(document))) if code]
+    assert len(found) > 100
+    assert "scene.mixed_hessian(targets, parameters)" in found
+    assert "minimize(scene, positions, time_step, contact=None, settings=NewtonSettings(), times=None)" in found
+
+
+def test_what_the_documents_show_is_there(tmp_path: Path) -> None:
+    found = {code: None for document in DOCUMENTS for code in map(as_python, shown(running_text(document))) if code}
+    said = problems(script([*found]), tmp_path)
+    lines = (tmp_path / "script.py").read_text(encoding="utf-8").splitlines()
+    assert [f"{lines[int(line.split(':')[1]) - 1]}: {line}" for line in said] == []
+
+
+@pytest.mark.parametrize(
+    "wrong",
+    [
+        "attribute.value = ...",
+        "scene.addMehs(...)",
+        "scene.solve(maxIteration=3)",
+        "report.whence",
+    ],
+)
+def test_what_is_not_there_is_found(wrong: str, tmp_path: Path) -> None:
+    """The first is what docs/gpu.md once said."""
+    code = as_python(wrong)
+    assert code is not None
+    assert problems(script([code]), tmp_path) != []
+
+
+@pytest.mark.parametrize("document", DOCUMENTS, ids=lambda path: path.name)
+def test_files_and_operations_that_are_named_exist(document: Path) -> None:
+    files = {
+        path.name: path
+        for path in ROOT.rglob("*")
+        if path.suffix[1:] in ENDINGS.split("|") and ".git" not in path.parts
+    }
+    operations = {operation.name for operation in (*OPERATIONS, *Rel.operations)}
+    for code in shown(running_text(document)):
+        if is_file(code):
+            assert (ROOT / code).exists() or ("/" not in code and code in files) or code.startswith("generated/"), code
+        named = re.match(r"(mat|rel)\.\w+$", code)
+        assert named is None or code in operations, code
