@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import operator
 import sys
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
@@ -151,7 +151,17 @@ class Attribute(AttributeNames, InScene):
     the scene meet freely; those of different primitives meet through JOIN (`through=`, `source=`) or UNION.
     """
 
-    __array_ufunc__ = None  # NumPy leaves `array * attribute` to us
+    def __array_ufunc__(self, ufunc: Any, method: str, *inputs: Any, **keywords: Any) -> Any:
+        """What NumPy's functions of numbers mean here, `np.sin(a)` for example; `array * attribute` comes here, too."""
+        from yasps.frontend.numpy_functions import call_ufunc
+
+        return call_ufunc(ufunc, method, inputs, keywords)
+
+    def __array_function__(self, function: Any, types: Any, inputs: Any, keywords: Any) -> Any:
+        """What NumPy's functions of arrays mean here, `np.cross(a, b)` for example."""
+        from yasps.frontend.numpy_functions import call_function
+
+        return call_function(function, inputs, keywords)
 
     def __init__(
         self,
@@ -179,6 +189,25 @@ class Attribute(AttributeNames, InScene):
     def shape(self) -> Shape:
         """Rows and columns on one instance."""
         return self._shape
+
+    @property
+    def ndim(self) -> int:
+        """Always 2: rows and columns."""
+        return 2
+
+    @property
+    def size(self) -> int:
+        """Rows times columns."""
+        return self._shape[0] * self._shape[1]
+
+    def __len__(self) -> int:
+        """Entries of a vector, rows of a matrix."""
+        return self.size if self.is_vector else self._shape[0]
+
+    @property
+    def is_vector(self) -> bool:
+        """Whether it has one row or one column."""
+        return min(self._shape) == 1
 
     @property
     def name(self) -> str | None:
@@ -268,18 +297,21 @@ class Attribute(AttributeNames, InScene):
     # -- arithmetic ----------------------------------------------------------------------------------------
 
     def __add__(self, other: Any) -> Attribute:
-        return combine(elementwise.AddOp, [self, as_attribute(other)])
+        return combine(elementwise.AddOp, broadcast(elementwise.AddOp, self, other))
 
     def __radd__(self, other: Any) -> Attribute:
         if type(other) is int and other == 0:  # where Python's sum() starts
             return self
-        return combine(elementwise.AddOp, [as_attribute(other), self])
+        return combine(elementwise.AddOp, broadcast(elementwise.AddOp, other, self))
 
     def __sub__(self, other: Any) -> Attribute:
-        return combine(elementwise.SubOp, [self, as_attribute(other)])
+        return combine(elementwise.SubOp, broadcast(elementwise.SubOp, self, other))
 
     def __rsub__(self, other: Any) -> Attribute:
-        return combine(elementwise.SubOp, [as_attribute(other), self])
+        return combine(elementwise.SubOp, broadcast(elementwise.SubOp, other, self))
+
+    def __pos__(self) -> Attribute:
+        return self
 
     def __neg__(self) -> Attribute:
         return combine(elementwise.NegOp, [self])
@@ -311,19 +343,38 @@ class Attribute(AttributeNames, InScene):
             raise DataError(f"the exponent of ** is a finite number or an attribute, got {exponent!r}")
         return combine(elementwise.PowOp, [self], {"exponent": FloatAttr(float(exponent), f64)})
 
+    def __rpow__(self, base: Any) -> Attribute:
+        number = isinstance(base, int | float | np.integer | np.floating) and not isinstance(base, bool)
+        if not number or not 0 < base < np.inf:
+            raise DataError(f"the base of ** is a positive number or an attribute, got {base!r}")
+        return (float(np.log(base)) * self).exp()
+
     # `==` and `!=` stay Python's: attributes are told apart by identity, as keys of dictionaries.
 
     def __lt__(self, other: Any) -> Attribute:
-        return _comparison("lt", self, as_attribute(other))
+        return _comparison("lt", self, other)
 
     def __le__(self, other: Any) -> Attribute:
-        return _comparison("le", self, as_attribute(other))
+        return _comparison("le", self, other)
 
     def __gt__(self, other: Any) -> Attribute:
-        return _comparison("lt", as_attribute(other), self)
+        return _comparison("lt", other, self)
 
     def __ge__(self, other: Any) -> Attribute:
-        return _comparison("le", as_attribute(other), self)
+        return _comparison("le", other, self)
+
+    # Of conditions: a number that is not 0 is true.
+
+    def __and__(self, other: Any) -> Attribute:
+        first, second = broadcast(comparison.SelectOp, self, other)
+        return combine(comparison.SelectOp, [first, second, constant(np.zeros(second.shape))])
+
+    def __or__(self, other: Any) -> Attribute:
+        first, second = broadcast(comparison.SelectOp, self, other)
+        return combine(comparison.SelectOp, [first, constant(np.ones(second.shape)), second])
+
+    def __invert__(self) -> Attribute:
+        return combine(comparison.SelectOp, [self, constant(np.zeros(self.shape)), constant(np.ones(self.shape))])
 
     def __abs__(self) -> Attribute:
         return self.abs()
@@ -416,9 +467,22 @@ class Attribute(AttributeNames, InScene):
 
     # -- structure -----------------------------------------------------------------------------------------
 
-    def reshape(self, rows: int, cols: int) -> Attribute:
-        """The same entries, row-major, as rows x cols."""
+    def reshape(self, rows: int | tuple[int, int], cols: int | None = None) -> Attribute:
+        """The same entries, row-major, as rows x cols; also `reshape((rows, cols))`. One of the two may be -1."""
+        if isinstance(rows, tuple) and cols is None and len(rows) == 2:
+            rows, cols = rows
+        if isinstance(rows, tuple) or cols is None:
+            raise ShapeMismatchError(f"{self.path} has rows and columns: write reshape(rows, cols), one may be -1")
+        rows, cols = integer(rows, "the number of rows"), integer(cols, "the number of columns")
+        if rows == -1 and cols > 0 and self.size % cols == 0:
+            rows = self.size // cols
+        elif cols == -1 and rows > 0 and self.size % rows == 0:
+            cols = self.size // rows
         return combine(structure.ReshapeOp, [self], {"shape": integers(rows, cols)})
+
+    def flatten(self) -> Attribute:
+        """All entries, row-major, as one column."""
+        return self.reshape(self.size, 1)
 
     def resize(self, rows: int, cols: int) -> Attribute:
         """The paper's name of `reshape`."""
@@ -436,20 +500,27 @@ class Attribute(AttributeNames, InScene):
         """One column, rows x 1; -1 is the last."""
         return self.block(0, wrapped(index, self._shape[1], "column", self), self._shape[0], 1)
 
-    def __getitem__(self, index: int | tuple[int, int]) -> Attribute:
-        """Entry `a[i, j]`, or `a[i]` of a vector; 1x1."""
-        if isinstance(index, tuple):
-            if len(index) != 2:
-                raise ShapeMismatchError(f"{self.path} has rows and columns: write a[i, j], got {len(index)} indices")
-            row, col = index
-        elif min(self._shape) == 1:
-            row, col = (0, index) if self._shape[0] == 1 else (index, 0)
-        else:
-            raise ShapeMismatchError(f"{self.path} is {spell(self._shape)}: write a[i, j], or a.row(i)")
-        return self.block(wrapped(row, self._shape[0], "row", self), wrapped(col, self._shape[1], "column", self), 1, 1)
+    def __getitem__(self, index: Any) -> Attribute:
+        """`a[i]` of a vector, 1x1; row `A[i]` of a matrix; `A[i, j]`; slices of all of them, as in NumPy: `a[1:3]`,
+        `A[:, 0]`, `A[..., 0]`. The result has rows and columns, too. Raises ShapeMismatchError."""
+        rows, cols = self._shape
+        indices = index if isinstance(index, tuple) else (index,)
+        indices = tuple(slice(None) if one is Ellipsis else one for one in indices)
+        if len(indices) > 2:
+            raise ShapeMismatchError(f"{self.path} has rows and columns: write a[i, j], got {len(indices)} indices")
+        if len(indices) == 1:
+            indices = (0, *indices) if rows == 1 else (*indices, 0) if cols == 1 else (*indices, slice(None))
+        chosen_rows = chosen(indices[0], rows, "row", self)
+        chosen_cols = chosen(indices[1], cols, "column", self)
+        bands = []
+        for row, height in chosen_rows:
+            parts = [self.block(row, col, height, width) for col, width in chosen_cols]
+            bands.append(parts[0] if len(parts) == 1 else concat_cols(parts))
+        return bands[0] if len(bands) == 1 else concat_rows(bands)
 
-    def __iter__(self) -> Any:
-        raise ShapeMismatchError(f"{self.path} can't be iterated over; take its rows by row(i)")
+    def __iter__(self) -> Iterator[Attribute]:
+        """The entries of a vector, the rows of a matrix."""
+        return (self[index] for index in range(len(self)))
 
     def stop_gradient(self) -> Attribute:
         """The same value, held constant by differentiation."""
@@ -470,12 +541,23 @@ def integers(*values: int) -> IrAttribute:
 
 def wrapped(index: object, length: int, word: str, attribute: Attribute) -> int:
     """The index counted from the start; raises for one out of range."""
-    if isinstance(index, slice):
-        raise ShapeMismatchError(f"{attribute.path} can't be sliced; use block(row, col, rows, cols), row(i) or col(j)")
     number = integer(index, f"the {word} of {attribute.path}")
     if not -length <= number < length:
         raise ShapeMismatchError(f"{attribute.path} is {spell(attribute.shape)} and has no {word} {number}")
     return number % length
+
+
+def chosen(index: object, length: int, word: str, attribute: Attribute) -> list[tuple[int, int]]:
+    """What an index or a slice chooses of the rows or columns, as (first, how many) of neighbours.
+
+    Raises ShapeMismatchError for an index out of range, a slice of nothing, and for anything else.
+    """
+    if not isinstance(index, slice):
+        return [(wrapped(index, length, word, attribute), 1)]
+    numbers = range(length)[index]
+    if not numbers:
+        raise ShapeMismatchError(f"{attribute.path} is {spell(attribute.shape)}: {index} chooses no {word} of it")
+    return [(numbers[0], len(numbers))] if numbers.step == 1 else [(number, 1) for number in numbers]
 
 
 def constant(values: ArrayLike) -> Attribute:
@@ -493,6 +575,21 @@ def constant(values: ArrayLike) -> Attribute:
 def as_attribute(value: Any) -> Attribute:
     """Attributes as they are, numbers and arrays as constants."""
     return value if isinstance(value, Attribute) else constant(value)
+
+
+def broadcast(op_class: type[MatOp], first: Any, second: Any) -> list[Attribute]:
+    """Both as attributes, a single number in the shape of the other. Raises LineageError."""
+    one, other = as_attribute(first), as_attribute(second)
+    deepest([one, other], op_class.word())  # names what the user wrote
+    if one.shape == other.shape or (1, 1) not in (one.shape, other.shape):
+        return [one, other]
+    shape = max(one.shape, other.shape)
+    return [each if each.shape == shape else _filled(each, shape) for each in (one, other)]
+
+
+def _filled(number: Attribute, shape: Shape) -> Attribute:
+    """A matrix of this shape with the number everywhere."""
+    return combine(elementwise.ScaleOp, [number, constant(np.ones(shape))])
 
 
 def deepest(attributes: Sequence[Attribute], what: str) -> Entity | None:
@@ -555,9 +652,11 @@ def zeros(rows: int, cols: int) -> Attribute:
     return constant(np.zeros((rows, cols)))
 
 
-def _comparison(predicate: str, left: Attribute, right: Attribute) -> Attribute:
+def _comparison(predicate: str, left: Any, right: Any) -> Attribute:
     """1 where it holds, 0 elsewhere."""
-    return combine(comparison.CompareOp, [left, right], {"predicate": StringAttr(predicate)})
+    return combine(
+        comparison.CompareOp, broadcast(comparison.CompareOp, left, right), {"predicate": StringAttr(predicate)}
+    )
 
 
 def _product(left: Attribute, right: Attribute) -> Attribute:

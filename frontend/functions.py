@@ -7,12 +7,12 @@ from typing import Any
 import numpy as np
 
 from yasps.dialects.mat import comparison, trigonometry
-from yasps.frontend.attribute import Attribute, as_attribute, combine
+from yasps.frontend.attribute import Attribute, as_attribute, broadcast, combine
 from yasps.frontend.errors import SceneError
 
 
 def select(condition: Any, then: Any, otherwise: Any) -> Attribute:
-    """`then` where the condition holds, `otherwise` elsewhere; both of one shape.
+    """`then` where the condition holds, `otherwise` elsewhere; both of one shape, or one of them a number.
 
     condition: a comparison (`a < b`), or anything that is 0 where it does not hold; 1x1, or of the shape of the two for
     a choice entry by entry. Only the derivative of the side taken counts; the condition has none. A 1x1 condition keeps
@@ -23,19 +23,25 @@ def select(condition: Any, then: Any, otherwise: Any) -> Attribute:
             f"the condition of select is {condition}, which Python decided on the spot: == and != compare whether two "
             "attributes are the same object. Write conditions with <, <=, > and >="
         )
-    return combine(comparison.SelectOp, [as_attribute(condition), as_attribute(then), as_attribute(otherwise)])
+    return combine(comparison.SelectOp, [as_attribute(condition), *broadcast(comparison.SelectOp, then, otherwise)])
 
 
 def minimum(a: Any, b: Any) -> Attribute:
-    """The smaller of two attributes of one shape, entry by entry. At a tie it is the first, as is its derivative."""
-    return combine(comparison.MinOp, [as_attribute(a), as_attribute(b)])
+    """The smaller of two attributes of one shape, or of one and a number, entry by entry.
+
+    At a tie it is the first, as is its derivative.
+    """
+    return combine(comparison.MinOp, broadcast(comparison.MinOp, a, b))
 
 
 def maximum(a: Any, b: Any) -> Attribute:
-    """The greater of two attributes of one shape, entry by entry. At a tie it is the first, as is its derivative."""
-    return combine(comparison.MaxOp, [as_attribute(a), as_attribute(b)])
+    """The greater of two attributes of one shape, or of one and a number, entry by entry.
+
+    At a tie it is the first, as is its derivative.
+    """
+    return combine(comparison.MaxOp, broadcast(comparison.MaxOp, a, b))
 
 
 def atan2(y: Any, x: Any) -> Attribute:
     """The angle of the point (x, y), in radians of (-pi, pi], entry by entry; no derivative at (0, 0)."""
-    return combine(trigonometry.Atan2Op, [as_attribute(y), as_attribute(x)])
+    return combine(trigonometry.Atan2Op, broadcast(trigonometry.Atan2Op, y, x))
