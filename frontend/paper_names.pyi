@@ -18,6 +18,10 @@ from yasps.frontend.primitive import Primitive, PrimitiveBase, PrimitiveUnion
 from yasps.runtime.device_indices import DeviceIndices
 
 class AttributeNames:
+    @property
+    def isVector(self) -> bool:
+        """Whether it has one row or one column."""
+
     def updateValue(self, values: ArrayLike) -> None:
         """Sets the numbers of a stored attribute: [instances, rows, columns], [instances, rows * columns] or flat,
         row-major; for one instance its matrix alone, too. Axes of length 1 may be left out.
