@@ -5,6 +5,7 @@ from __future__ import annotations
 import operator
 import sys
 from collections.abc import Sequence
+from contextlib import nullcontext
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
@@ -30,6 +31,7 @@ from yasps.dialects.mat import (
 )
 from yasps.dialects.mat.base import dense
 from yasps.frontend.errors import DataError, LineageError, SceneError, ShapeMismatchError, YaspsError
+from yasps.frontend.scene_lock import SceneLock, one_thread_at_a_time
 from yasps.frontend.spelling import both_spellings
 
 if TYPE_CHECKING:
@@ -173,6 +175,10 @@ class Attribute:
         return self._owner
 
     @property
+    def _lock(self) -> SceneLock | nullcontext[None]:
+        return self._owner.scene.lock if self._owner is not None else nullcontext()
+
+    @property
     def shape(self) -> Shape:
         """Rows and columns on one instance."""
         return self._shape
@@ -218,6 +224,7 @@ class Attribute:
 
     # -- numbers -------------------------------------------------------------------------------------------
 
+    @one_thread_at_a_time
     def update_value(self, values: ArrayLike) -> None:
         """Sets the numbers of a stored attribute: instances x rows x columns of them, in any shape, row-major.
 
@@ -250,6 +257,7 @@ class Attribute:
             self._owner.scene.arrays_moved(self._owner)
         self._owner.set_num_instances(count)
 
+    @one_thread_at_a_time
     def compute(self) -> ComputedValue:
         """Evaluates the attribute on all instances (compiled on first use)."""
         if isinstance(self._node, Stored):

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from yasps.frontend.errors import ConnectivityError
+from yasps.frontend.scene_lock import SceneLock, one_thread_at_a_time
 from yasps.frontend.spelling import both_spellings
 from yasps.runtime.device_indices import DeviceIndices, ForeignArrayError, device_indices, is_on_device
 
@@ -51,11 +52,16 @@ class Connectivity:
             self.arity = self._indices.shape[1]
 
     @property
+    def _lock(self) -> SceneLock:
+        return self.source.scene.lock
+
+    @property
     def path(self) -> str:
         """A name for messages and for the IR."""
         return f"{self.source.path}.{self.name}"
 
     @property
+    @one_thread_at_a_time
     def indices(self) -> IntArray:
         """Indices [instances of source, arity]; read-only, see `update_value`.
 
@@ -79,6 +85,7 @@ class Connectivity:
     def __repr__(self) -> str:
         return f"<connectivity {self.path}: {self.source.path} -> {self.arity} x {self.target.path}>"
 
+    @one_thread_at_a_time
     def update_value(self, indices: ArrayLike, counts: ArrayLike | None = None) -> None:
         """Replaces the indices (of a variable arity, with the counts); on a dynamic primitive the number of instances
         follows.

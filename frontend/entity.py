@@ -21,6 +21,7 @@ from yasps.frontend.errors import (
     SceneError,
     ShapeMismatchError,
 )
+from yasps.frontend.scene_lock import SceneLock, one_thread_at_a_time
 from yasps.frontend.spelling import both_spellings
 
 if TYPE_CHECKING:
@@ -45,6 +46,10 @@ class Entity(abc.ABC):
     @abc.abstractmethod
     def scene(self) -> Scene:
         """The scene it belongs to."""
+
+    @property
+    def _lock(self) -> SceneLock:
+        return self.scene.lock
 
     @property
     @abc.abstractmethod
@@ -134,6 +139,7 @@ class Entity(abc.ABC):
 
     # -- attributes ----------------------------------------------------------------------------------------
 
+    @one_thread_at_a_time
     def add_constant(self, name: str, rows: int, cols: int, value: ArrayLike | None = None) -> Attribute:
         """Numbers that never take part in differentiation; zero until `update_value` (or `value`) sets them.
 
@@ -141,6 +147,7 @@ class Entity(abc.ABC):
         """
         return self._add_stored(name, rows, cols, value, constant=True)
 
+    @one_thread_at_a_time
     def add_attribute(
         self,
         name: str,

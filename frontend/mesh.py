@@ -10,6 +10,7 @@ import numpy as np
 from yasps.frontend.entity import Entity
 from yasps.frontend.errors import SceneError
 from yasps.frontend.primitive import Primitive, PrimitiveBase, PrimitiveUnion
+from yasps.frontend.scene_lock import one_thread_at_a_time
 from yasps.frontend.spelling import both_spellings
 
 if TYPE_CHECKING:
@@ -36,6 +37,7 @@ class Mesh(Entity):
         """A mesh is one instance of itself."""
         return 1
 
+    @one_thread_at_a_time
     def add_primitive(self, name: str, num_instances: int, is_dynamic: bool = False) -> Primitive:
         """Adds a primitive type with this many instances; reached as `mesh.name` afterwards.
 
@@ -56,6 +58,7 @@ class Mesh(Entity):
         self.scene.structure_changed()
         return primitive
 
+    @one_thread_at_a_time
     def add_primitive_union(self, name: str, members: Sequence[PrimitiveBase]) -> PrimitiveUnion:
         """Adds the union of primitives, of unions too, of any meshes of the scene (paper, 4.6).
 

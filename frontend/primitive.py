@@ -13,6 +13,7 @@ from yasps.frontend.attribute import Attribute, FloatArray, Stored, United, chec
 from yasps.frontend.connectivity import Connectivity
 from yasps.frontend.entity import Entity
 from yasps.frontend.errors import ConnectivityError, DataError, SceneError, ShapeMismatchError
+from yasps.frontend.scene_lock import one_thread_at_a_time
 from yasps.frontend.spelling import both_spellings
 
 if TYPE_CHECKING:
@@ -34,6 +35,7 @@ class PrimitiveBase(Entity):
         """The scene it belongs to."""
         return self.mesh.scene
 
+    @one_thread_at_a_time
     def add_connectivity(
         self,
         name: str,
@@ -125,6 +127,7 @@ class Primitive(PrimitiveBase):
             self._num_instances = int(count)
             self.scene.size_changed(self)
 
+    @one_thread_at_a_time
     def update(self, /, **parts: Any) -> None:
         """Sets several connectivities and stored attributes at once, by name, all or none.
 

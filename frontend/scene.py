@@ -24,6 +24,7 @@ from yasps.frontend.errors import NameTakenError, NotConvergedError, SceneError,
 from yasps.frontend.hessian import Hessian
 from yasps.frontend.mesh import Mesh
 from yasps.frontend.newton_system import advice_on, check_choices, check_limits, solve_newton_system
+from yasps.frontend.scene_lock import lock_of, one_thread_at_a_time
 from yasps.frontend.scene_source import CompileRequest
 from yasps.frontend.spelling import both_spellings
 from yasps.runtime.library import Runtime, load_runtime
@@ -62,6 +63,9 @@ class Scene(Entity):
     scenes may share. threads: of the CPU's runtime; default one for each processor. deterministic: the same bits for
     any number of threads, and on a GPU in every run, for some more time and memory; without it, on the CPU for the same
     number. Nothing is global: scenes of the same name live side by side.
+
+    Threads may share a scene: whatever sets numbers or computes waits until no other thread does. `with scene.lock:`
+    keeps the others out for several calls.
     """
 
     kind = "scene"
@@ -82,6 +86,7 @@ class Scene(Entity):
             raise SceneError(f"threads={threads!r}: it must be a positive integer, or left out for one per processor")
         if threads is not None and device != "cpu":
             raise SceneError(f"threads={threads}: a GPU has its own; leave threads out")
+        self.lock = lock_of(device)
         self._device_name = device
         self._device: Device | None = None
         self._threads = threads
@@ -134,6 +139,7 @@ class Scene(Entity):
 
     # -- construction --------------------------------------------------------------------------------------
 
+    @one_thread_at_a_time
     def add_mesh(self, name: str) -> Mesh:
         """Adds a mesh; reached as `scene.name` afterwards. Raises NameTakenError."""
         self.check_child_name(name, "a mesh")
@@ -141,6 +147,7 @@ class Scene(Entity):
         self._children[name] = mesh
         return mesh
 
+    @one_thread_at_a_time
     def add_energy(
         self, attribute: Attribute, dynamic_instances: bool | None = None, projection: str = "clamp"
     ) -> None:
@@ -173,6 +180,7 @@ class Scene(Entity):
         self._energies.append(EnergyTerm(attribute, projection, bool(dynamic_instances)))
         self.structure_changed()
 
+    @one_thread_at_a_time
     def add_minimize_target(self, targets: Attribute | Sequence[Attribute]) -> None:
         """Adds stored variables that energies are minimised over (paper, 4.7); results come in this order.
 
@@ -208,6 +216,7 @@ class Scene(Entity):
 
     # -- results -------------------------------------------------------------------------------------------
 
+    @one_thread_at_a_time
     def minimize_energy(
         self,
         tolerance: float = 1e-4,
@@ -231,6 +240,7 @@ class Scene(Entity):
         advice = advice_on(report, self.compile())
         raise NotConvergedError(f"the linear solver stopped: {report}. {advice} solve() returns the result as it is.")
 
+    @one_thread_at_a_time
     def solve(
         self,
         tolerance: float = 1e-4,
@@ -255,11 +265,13 @@ class Scene(Entity):
         )
         return Solution(compiled.split(solved.x), compiled.split(solved.gradient), solved.report)
 
+    @one_thread_at_a_time
     def gradient(self) -> list[FloatArray]:
         """Gradient of all energies, one flat array for each target."""
         compiled = self.compile()
         return compiled.split(compiled.assemble(hessian=False))
 
+    @one_thread_at_a_time
     def hessian(self, projected: bool = True) -> Hessian:
         """Hessian of all energies with respect to all targets, as a copy of one's own.
 
@@ -273,6 +285,7 @@ class Scene(Entity):
             compiled.assemble()
         return compiled.hessian()
 
+    @one_thread_at_a_time
     def mixed_hessian(
         self, targets: Attribute | Sequence[Attribute], parameters: Attribute | Sequence[Attribute]
     ) -> sparse.csr_array[np.float64]:
@@ -315,10 +328,12 @@ class Scene(Entity):
             self._variants[key] = self._compile_for(exact, targets, [], None)
         return self._variants[key]
 
+    @one_thread_at_a_time
     def total_energy(self) -> float:
         """Sum of all energies over all their instances; infinite or NaN where one is."""
         return self.compile(need_targets=False).total_energy()
 
+    @one_thread_at_a_time
     def energy_values(self) -> dict[str, FloatArray]:
         """Each energy on every instance, by its path."""
         return self.compile(need_targets=False).energies()
@@ -328,6 +343,7 @@ class Scene(Entity):
     @overload
     def compile(self, *, device: str, arch: str) -> DeviceCompileReport: ...
 
+    @one_thread_at_a_time
     def compile(
         self, *, need_targets: bool = True, device: str | None = None, arch: str | None = None
     ) -> CompiledScene | DeviceCompileReport:
@@ -365,7 +381,7 @@ class Scene(Entity):
         dump_to: Path | None,
         dump_locations: bool = False,
     ) -> CompiledScene:
-        request = CompileRequest(self.name, energies, targets, outputs, dump_to, dump_locations)
+        request = CompileRequest(self.name, energies, targets, outputs, dump_to, dump_locations, self.lock)
         compiled: CompiledScene
         if not self.is_on_device:
             compiled = CpuScene(request, self.runtime, deterministic=self._deterministic)
@@ -387,6 +403,7 @@ class Scene(Entity):
         return self._device_name != "cpu"
 
     @property
+    @one_thread_at_a_time
     def device(self) -> Device:
         """The GPU, with a stream of this scene's own; opened on first use.
 
@@ -401,15 +418,18 @@ class Scene(Entity):
                 self._device = Gpu(int(self._device_name.partition(":")[2] or 0))
             else:
                 self._device = self._device_name
+            self.lock.has_device = True
         return self._device
 
     @property
+    @one_thread_at_a_time
     def runtime(self) -> Runtime:
         """The CPU's solver runtime; compiled and loaded on first use."""
         if self._runtime is None:
             self._runtime = load_runtime(find_compiler(), self._threads)
         return self._runtime
 
+    @one_thread_at_a_time
     def evaluate(self, attribute: Attribute) -> FloatArray:
         """Values of an attribute on all instances, [instances, rows, columns]; see `Attribute.compute`.
 
@@ -424,6 +444,7 @@ class Scene(Entity):
             attribute.evaluator = self._compile_for([], [], [attribute], folder)
         return attribute.evaluator.evaluate(attribute)
 
+    @one_thread_at_a_time
     def dump_ir(self, folder: str | Path, *, locations: bool = False) -> None:
         """Compiles the scene once more and writes into the folder the IR after every pass, the generated sources, and
         the scene's numbers as `data.npz`, on which `yasps-opt --interpret` runs any of the dumps.
