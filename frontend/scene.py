@@ -25,8 +25,9 @@ from yasps.frontend.hessian import Hessian
 from yasps.frontend.mesh import Mesh
 from yasps.frontend.newton_system import advice_on, check_choices, check_limits, solve_newton_system
 from yasps.frontend.scene_lock import lock_of, one_thread_at_a_time
-from yasps.frontend.scene_source import CompileRequest
+from yasps.frontend.scene_source import CompileRequest, make_dump_folder
 from yasps.frontend.spelling import both_spellings
+from yasps.runtime.build_cache import file_name
 from yasps.runtime.library import Runtime, load_runtime
 from yasps.runtime.solver import SolveReport
 from yasps.runtime.toolchain import find_compiler
@@ -451,15 +452,17 @@ class Scene(Entity):
 
         locations: print behind each attribute the line of Python that made it.
 
-        Raises what `compile` does, and DataError or ConnectivityError for numbers that don't fit.
+        Raises what `compile` does, DataError or ConnectivityError for numbers that don't fit, and SceneError for what
+        can't be a folder.
         """
+        target = make_dump_folder(folder)
         self.compile()
-        compiled = self._compile_for(self._energies, self._targets, [], Path(folder), locations)
-        save_scene_data(Path(folder) / "data.npz", compiled.data())
+        compiled = self._compile_for(self._energies, self._targets, [], target, locations)
+        save_scene_data(target / "data.npz", compiled.data())
 
     def _dump_folder(self, part: str = "") -> Path | None:
         setting = os.environ.get("YASPS_DUMP_IR")
-        return Path(setting) / self.name / part if setting else None
+        return make_dump_folder(Path(setting) / file_name(self.name) / part) if setting else None
 
     # -- what changed --------------------------------------------------------------------------------------
 

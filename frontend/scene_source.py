@@ -13,7 +13,7 @@ from yasps.backend.scene_code import SceneCode
 from yasps.backend.scene_view import SceneView
 from yasps.frontend.attribute import Attribute
 from yasps.frontend.emit import EnergyTerm, SceneEmitter
-from yasps.frontend.errors import UnsupportedSceneError
+from yasps.frontend.errors import SceneError, UnsupportedSceneError
 from yasps.frontend.scene_key import compiler_digest, text_without_sizes
 from yasps.frontend.scene_lock import SceneLock
 from yasps.passes.errors import CompileError
@@ -36,6 +36,18 @@ class CompileRequest:
     dump_to: Path | None = None
     dump_locations: bool = False
     lock: SceneLock = field(default_factory=SceneLock)
+
+
+def make_dump_folder(folder: str | Path) -> Path:
+    """The folder that a scene's IR is written to. Raises SceneError where there can't be one."""
+    try:
+        path = Path(folder)
+        path.mkdir(parents=True, exist_ok=True)
+    except (OSError, ValueError, TypeError) as error:  # a NUL in the name is a ValueError
+        raise SceneError(
+            f"the IR can't be written to {str(folder)!r}, which can't be made a folder: {error}"
+        ) from error
+    return path
 
 
 class SceneSource:

@@ -30,6 +30,7 @@ __all__ = [
     "CacheFolderError",
     "cache_folder",
     "digest_of",
+    "file_name",
     "in_parallel",
     "keep",
     "keep_text",
@@ -131,6 +132,14 @@ def write_text(path: Path, text: str) -> None:
 def safe_name(name: str) -> str:
     """`name` with only characters that every file system takes, cut to 60."""
     return re.sub(r"[^A-Za-z0-9_.-]+", "_", name)[:60] or "module"
+
+
+def file_name(name: str) -> str:
+    """A file's or folder's name for something that may have any name: that one where every file system takes it, else
+    a cut one with a digest, so that no two are the same."""
+    if re.fullmatch(r"[A-Za-z0-9_-][A-Za-z0-9_.-]{0,199}", name):
+        return name
+    return f"{safe_name(name).lstrip('.')}-{digest_of(name)[:16]}"
 
 
 def digest_of(*parts: str) -> str:
