@@ -10,6 +10,7 @@ it is of tetrahedra its indices as `cells/N`.
 import resource
 import sys
 from pathlib import Path
+from typing import Any
 
 import meshio
 import numpy as np
@@ -21,14 +22,15 @@ OUT_OF_MEMORY = 3
 def save_arrays(file: Path, arrays: Path) -> None:
     """Reads the mesh and writes its arrays. Raises whatever meshio raises, which may be anything."""
     mesh = meshio.read(file)
-    cells = {f"cells/{k}": np.asarray(block.data) for k, block in enumerate(mesh.cells) if block.type == "tetra"}
-    np.savez(
-        arrays,
-        points=np.asarray(mesh.points, dtype=np.float64),
-        types=np.array([block.type for block in mesh.cells], dtype=np.str_),
-        counts=np.array([len(block.data) for block in mesh.cells], dtype=np.int64),
-        **cells,
-    )
+    found: dict[str, Any] = {
+        "points": np.asarray(mesh.points, dtype=np.float64),
+        "types": np.array([block.type for block in mesh.cells], dtype=np.str_),
+        "counts": np.array([len(block.data) for block in mesh.cells], dtype=np.int64),
+    }
+    for k, block in enumerate(mesh.cells):
+        if block.type == "tetra":
+            found[f"cells/{k}"] = np.asarray(block.data)
+    np.savez(arrays, **found)
 
 
 def main(file: str, arrays: str, most_bytes: str, most_seconds: str) -> int:

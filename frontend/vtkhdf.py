@@ -169,7 +169,7 @@ class VtkHdfSeries:
 
     def _check_is_ours(self, file: h5py.File) -> None:
         steps = file.get("VTKHDF/Steps")
-        frames = steps.attrs.get("NSteps") if isinstance(steps, h5py.Group) else None
+        frames = steps.attrs.get("NSteps", -1) if isinstance(steps, h5py.Group) else -1
         if not np.array_equal(frames, self._frames):
             raise OutputFileError(
                 f"Frame {self._frames} was not written: '{self.path}' is not the series of {self._frames} frames that "

@@ -6,6 +6,8 @@ Without the lock of a scene, or the note of a fork, these tests would hang: they
 from __future__ import annotations
 
 import os
+import re
+import shutil
 import subprocess
 import sys
 import textwrap
@@ -253,6 +255,30 @@ def test_everything_that_works_on_a_scene_takes_its_lock(monkeypatch: pytest.Mon
         call()
         assert taken, name
         assert set(taken) == {scene.lock}, name
+
+
+def test_the_lock_is_used_as_the_documents_say() -> None:
+    text = (HELPERS.parents[1] / "docs" / "language.md").read_text(encoding="utf-8")
+    (code,) = [code for code in re.findall(r"```python\n(.*?)```", text, re.DOTALL) if "scene.lock" in code]
+    scene = spring_chain(length=10)
+    x = scene.m.points["x"]
+    before = scene.total_energy()
+    exec(code, {"scene": scene, "x": x})
+    assert scene.total_energy() < before
+
+
+def test_a_truncated_library_is_linked_again(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A new process that loaded half a library would end by a bus error."""
+    before = spring_chain().total_energy()  # the cache is filled then
+    copy = tmp_path / "cache"
+    shutil.copytree(os.environ["YASPS_CACHE"], copy, ignore=shutil.ignore_patterns(".*"))
+    libraries = list(copy.glob("*.so"))
+    for path in libraries:
+        os.truncate(path, path.stat().st_size // 2)
+    copy.chmod(0o700)
+    monkeypatch.setenv("YASPS_CACHE", str(copy))
+    assert float(printed_by("print(repr(spring_chain().total_energy()))", tmp_path)) == pytest.approx(before, rel=1e-12)
+    assert len(list(copy.glob("*.o"))) > 0
 
 
 def test_others_wait_for_the_lock() -> None:
