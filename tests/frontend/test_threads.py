@@ -54,12 +54,12 @@ def in_child(work):
 
 
 def printed_by(program: str, folder: Path) -> str:
-    """What a script prints, which is stopped after a minute."""
+    """What a script prints, which is stopped after three minutes."""
     path = folder / "script.py"
     path.write_text(BEGINNING + textwrap.dedent(program))
     with subprocess.Popen([sys.executable, path], stdout=subprocess.PIPE, text=True, start_new_session=True) as process:
         try:
-            output, _ = process.communicate(timeout=60)
+            output, _ = process.communicate(timeout=180)
         except subprocess.TimeoutExpired:
             os.killpg(process.pid, 9)  # its children too
             raise
