@@ -11,6 +11,7 @@ import numpy as np
 from yasps.backend.object_text import Binding
 from yasps.backend.program import CompiledModule
 from yasps.backend.scene_code import SceneCode
+from yasps.runtime.build_cache import file_name
 from yasps.runtime.cuda_sources import runtime_sources
 from yasps.runtime.device import Device, DeviceArray, LoadedProgram
 from yasps.runtime.toolchain import Source
@@ -120,4 +121,4 @@ def dump_modules(code: SceneCode, folder: Path) -> None:
     target = folder / "generated"
     target.mkdir(parents=True, exist_ok=True)
     for module in modules_of(code):
-        (target / f"{module.name}.cu").write_text(module.text, encoding="utf-8")
+        (target / f"{file_name(module.name)}.cu").write_text(module.text, encoding="utf-8")

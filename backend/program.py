@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from yasps.backend.object_text import Binding, ObjectCode
 from yasps.backend.scene_code import SceneCode
+from yasps.runtime.build_cache import file_name
 from yasps.runtime.toolchain import Compiler, Source, compile_sources, link
 
 LINK_FLAGS = ("-Wl,-Bsymbolic",)
@@ -95,4 +96,4 @@ def dump_sources(codes: list[ObjectCode], folder: Path) -> None:
     target = folder / "generated"
     target.mkdir(parents=True, exist_ok=True)
     for code in codes:
-        (target / f"{code.name}.cpp").write_text(code.text, encoding="utf-8")
+        (target / f"{file_name(code.name)}.cpp").write_text(code.text, encoding="utf-8")

@@ -7,9 +7,11 @@ three words are dictionaries of nested lists by the same names.
 from __future__ import annotations
 
 import json
+import math
 import zipfile
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from io import BytesIO
 from pathlib import Path
 from typing import Any, cast
 
@@ -22,6 +24,12 @@ from yasps.dialects.rel import ConnectivityOp, Container, PrimitiveOp, Primitive
 from yasps.dialects.rel.declarations import storage_shape
 
 GROUPS = ("storages", "connectivities", "sizes")
+
+_MOST_INSTANCES = 2**31 - 1
+"""Indices are int32."""
+_MOST_RANDOM_NUMBERS = 10**8
+_MOST_DEFLATED = 1032
+"""Bytes that one byte of a compressed file can stand for."""
 
 
 @dataclass(frozen=True)
@@ -61,12 +69,7 @@ def load_scene_data(path: Path) -> SceneData:
     """
     groups: dict[str, dict[str, Any]] = {word: {} for word in GROUPS}
     if path.suffix == ".npz":
-        try:
-            with np.load(path, allow_pickle=False) as file:
-                entries = {key: file[key] for key in file.files}
-        except (zipfile.BadZipFile, ValueError) as error:
-            raise SceneDataError(f"{path} is not an .npz file of plain arrays: {error}") from error
-        for key, value in entries.items():
+        for key, value in _load_arrays(path).items():
             word, _, name = key.partition("/")
             if word not in groups or not name:
                 raise SceneDataError(f"{path}: {key!r} should begin with one of {', '.join(f'{w}/' for w in GROUPS)}")
@@ -74,7 +77,7 @@ def load_scene_data(path: Path) -> SceneData:
     elif path.suffix == ".json":
         try:
             read = json.loads(path.read_text(encoding="utf-8"))
-        except ValueError as error:
+        except (ValueError, RecursionError) as error:
             raise SceneDataError(f"{path} is not JSON: {error}") from error
         if not isinstance(read, dict) or not all(k in groups and isinstance(v, dict) for k, v in read.items()):
             raise SceneDataError(f"{path} should hold dictionaries {', '.join(GROUPS)} and nothing else")
@@ -84,8 +87,52 @@ def load_scene_data(path: Path) -> SceneData:
     return SceneData(
         {name: _array(path, f"storages/{name}", v, np.float64) for name, v in groups["storages"].items()},
         {name: _array(path, f"connectivities/{name}", v, np.int32) for name, v in groups["connectivities"].items()},
-        {name: int(_array(path, f"sizes/{name}", v, np.int64).reshape(-1)[0]) for name, v in groups["sizes"].items()},
+        {name: _size(path, name, v) for name, v in groups["sizes"].items()},
     )
+
+
+def _load_arrays(path: Path) -> dict[str, NDArray[Any]]:
+    """The arrays of an `.npz` file. No array takes more memory than there are numbers in the file."""
+    content = path.read_bytes()
+    try:
+        with zipfile.ZipFile(BytesIO(content)) as archive:
+            entries = archive.infolist()
+            _check_claims(entries, len(content))
+            return {entry.filename.removesuffix(".npy"): _load_array(archive, entry) for entry in entries}
+    except Exception as error:  # damage shows anywhere: in zip, zlib, the header of an array, its type
+        told = str(error) or type(error).__name__
+        raise SceneDataError(f"{path} is not an .npz file of plain arrays: {told}") from error
+
+
+def _check_claims(entries: Sequence[zipfile.ZipInfo], size: int) -> None:
+    for entry in entries:
+        if entry.compress_type not in (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED):
+            raise ValueError(f"{entry.filename} is compressed in another way than NumPy does")
+    claimed = sum(entry.file_size for entry in entries)
+    if claimed > _MOST_DEFLATED * size:
+        raise ValueError(f"its {size} bytes claim to be {claimed} bytes of numbers")
+
+
+def _load_array(archive: zipfile.ZipFile, entry: zipfile.ZipInfo) -> NDArray[Any]:
+    with archive.open(entry) as stream:
+        version = np.lib.format.read_magic(stream)
+        read_header = {(1, 0): np.lib.format.read_array_header_1_0, (2, 0): np.lib.format.read_array_header_2_0}
+        if version not in read_header:
+            raise ValueError(f"{entry.filename} has another version than arrays of numbers have")
+        shape, _, dtype = read_header[version](stream)
+        there = entry.file_size - stream.tell()
+        if math.prod(shape) * dtype.itemsize != there or min(shape, default=0) < 0:
+            raise ValueError(f"{entry.filename} says that it is {dtype} {list(shape)}, but has {there} bytes")
+    with archive.open(entry) as stream:
+        array: NDArray[Any] = np.lib.format.read_array(stream, allow_pickle=False)
+    return array
+
+
+def _size(path: Path, name: str, value: Any) -> int:
+    number = _array(path, f"sizes/{name}", value, np.int64).reshape(-1)
+    if number.size != 1 or not 0 <= number[0] <= _MOST_INSTANCES:
+        raise SceneDataError(f"{path}: sizes/{name} is no number of instances, 0 to {_MOST_INSTANCES}")
+    return int(number[0])
 
 
 def _unknown_ending(path: Path) -> SceneDataError:
@@ -101,7 +148,7 @@ def _array(path: Path, name: str, value: Any, dtype: Any) -> NDArray[Any]:
                 if array.min() < least or array.max() > greatest:
                     raise SceneDataError(f"{path}: {name} holds numbers that {np.dtype(dtype).name} does not")
             return array.astype(dtype)
-    except ValueError:  # rows of different lengths
+    except (ValueError, TypeError):  # rows of different lengths, no numbers
         pass
     raise SceneDataError(f"{path}: {name} is no array of {np.dtype(dtype).name}")
 
@@ -111,10 +158,16 @@ def random_scene_data(module: ModuleOp, instances: int, seed: int = 0) -> SceneD
 
     They depend on seed and names alone, so that they are the same after every pass. No row of a connectivity names an
     instance twice where that can be avoided; of a variable arity, rows have different lengths.
+
+    Raises SceneDataError for more than 1e8 numbers.
     """
     declared = _Declared(module)
     sizes = dict.fromkeys(declared.primitives, instances)
     sizes |= {name: instances * declared.members_below(name) for name in declared.unions}
+    wanted = sum(sizes.get(name_of(op.owner), 1) * math.prod(storage_shape(op)) for op in declared.storages.values())
+    wanted += sum(sizes[name_of(op.source)] * op.arity.value.data for op in declared.connectivities.values())
+    if wanted > _MOST_RANDOM_NUMBERS:
+        raise SceneDataError(f"the module needs {wanted} random numbers; at most {_MOST_RANDOM_NUMBERS} are drawn")
     storages = {}
     for name, storage in declared.storages.items():
         shape = (sizes.get(name_of(storage.owner), 1), *storage_shape(storage))

@@ -5,6 +5,7 @@ from __future__ import annotations
 import operator
 import sys
 from collections.abc import Iterator, Sequence
+from contextlib import nullcontext
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
@@ -33,6 +34,7 @@ from yasps.frontend.arrays import in_instances, real_numbers
 from yasps.frontend.errors import DataError, LineageError, SceneError, ShapeMismatchError
 from yasps.frontend.in_scene import InScene
 from yasps.frontend.paper_names import AttributeNames
+from yasps.frontend.scene_lock import SceneLock, one_thread_at_a_time
 from yasps.frontend.spelling import both_spellings
 
 if TYPE_CHECKING:
@@ -186,6 +188,10 @@ class Attribute(AttributeNames, InScene):
         return self._owner
 
     @property
+    def _lock(self) -> SceneLock | nullcontext[None]:
+        return self._owner.scene.lock if self._owner is not None else nullcontext()
+
+    @property
     def shape(self) -> Shape:
         """Rows and columns on one instance."""
         return self._shape
@@ -250,6 +256,7 @@ class Attribute(AttributeNames, InScene):
 
     # -- numbers -------------------------------------------------------------------------------------------
 
+    @one_thread_at_a_time
     def update_value(self, values: ArrayLike) -> None:
         """Sets the numbers of a stored attribute: [instances, rows, columns], [instances, rows * columns] or flat,
         row-major; for one instance its matrix alone, too. Axes of length 1 may be left out.
@@ -281,6 +288,7 @@ class Attribute(AttributeNames, InScene):
         count = None if self._owner.follows_data else self._owner.num_instances
         return in_instances(real_numbers(values, self.path), count, self._shape, self.path)
 
+    @one_thread_at_a_time
     def compute(self) -> ComputedValue:
         """Evaluates the attribute on all instances (compiled on first use)."""
         if isinstance(self._node, Stored):

@@ -24,6 +24,7 @@ from yasps.frontend.errors import ConnectivityError, NotFiniteError, SceneError
 from yasps.frontend.hessian import Hessian
 from yasps.frontend.in_scene import InScene
 from yasps.frontend.primitive import Primitive, PrimitiveBase, PrimitiveUnion
+from yasps.frontend.scene_lock import one_thread_at_a_time
 from yasps.frontend.scene_source import CompileRequest, SceneSource
 from yasps.runtime.block_matrix import MOST_SCALARS, BlockGroup
 from yasps.runtime.library import Projection
@@ -100,6 +101,7 @@ class CompiledScene(InScene, ABC):
     """Machine code for energies, targets and outputs of a scene, bound to its arrays."""
 
     def __init__(self, request: CompileRequest) -> None:
+        self._lock = request.lock
         self.targets = list(request.targets)
         start = time.perf_counter()
         self._source = SceneSource(request, self._emitter, self._key())
@@ -174,6 +176,7 @@ class CompiledScene(InScene, ABC):
     # -- code ----------------------------------------------------------------------------------------------
 
     @property
+    @one_thread_at_a_time
     def module(self) -> ModuleOp:
         """The scene's IR after all passes, which run now if the code came from the cache."""
         return self._source.module
@@ -235,6 +238,7 @@ class CompiledScene(InScene, ABC):
         arities = self.code.arities
         return any(c.arity != arities[name] for name, c in self.emitter.connected.items())
 
+    @one_thread_at_a_time
     def bind(self) -> None:
         """Points the program to the scene's arrays, if any has moved.
 
@@ -266,6 +270,7 @@ class CompiledScene(InScene, ABC):
         self._point()
         self._bound = True
 
+    @one_thread_at_a_time
     def data(self) -> SceneData:
         """The scene's numbers for the reference interpreter."""
         self.bind()
@@ -281,15 +286,18 @@ class CompiledScene(InScene, ABC):
 
     # -- work ----------------------------------------------------------------------------------------------
 
+    @one_thread_at_a_time
     def evaluate(self, attribute: Attribute) -> FloatArray:
         """Values of an output attribute on all instances, [instances, rows, columns]."""
         assert attribute.owner is not None
         return self._run(self.emitter.symbol_of(attribute), attribute.owner.num_instances, attribute.shape)
 
+    @one_thread_at_a_time
     def energies(self) -> dict[str, FloatArray]:
         """Each energy on all its instances, by path, [instances]."""
         return {term.symbol: self._run(term.symbol, term.count, (1, 1)).reshape(-1) for term in self._terms}
 
+    @one_thread_at_a_time
     def hessian(self) -> Hessian:
         """A copy of the assembled Hessian."""
         return Hessian(int(self._layout()[0][-1]), self.hessian_groups())

@@ -11,6 +11,7 @@ from yasps.frontend.arrays import plain_array
 from yasps.frontend.errors import ConnectivityError
 from yasps.frontend.in_scene import InScene
 from yasps.frontend.paper_names import ConnectivityNames
+from yasps.frontend.scene_lock import SceneLock, one_thread_at_a_time
 from yasps.frontend.spelling import both_spellings
 from yasps.runtime.device_indices import DeviceIndices, ForeignArrayError, device_indices, is_on_device
 
@@ -54,11 +55,16 @@ class Connectivity(ConnectivityNames, InScene):
             self.arity = self._indices.shape[1]
 
     @property
+    def _lock(self) -> SceneLock:
+        return self.source.scene.lock
+
+    @property
     def path(self) -> str:
         """A name for messages and for the IR."""
         return f"{self.source.path}.{self.name}"
 
     @property
+    @one_thread_at_a_time
     def indices(self) -> IntArray:
         """Indices [instances of source, arity]; read-only, see `update_value`.
 
@@ -82,6 +88,7 @@ class Connectivity(ConnectivityNames, InScene):
     def __repr__(self) -> str:
         return f"<connectivity {self.path}: {self.source.path} -> {self.arity} x {self.target.path}>"
 
+    @one_thread_at_a_time
     def update_value(self, indices: ArrayLike, counts: ArrayLike | None = None) -> None:
         """Replaces the indices (of a variable arity, with the counts); on a dynamic primitive the number of instances
         follows.

@@ -23,6 +23,7 @@ from yasps.frontend.errors import SceneError
 from yasps.frontend.in_scene import InScene
 from yasps.frontend.mesh import Mesh
 from yasps.frontend.primitive import Primitive, PrimitiveBase
+from yasps.frontend.scene_lock import one_thread_at_a_time
 
 
 def barrier(squared_distance: Attribute, squared_reach: Attribute, stiffness: Attribute) -> Attribute:
@@ -128,6 +129,7 @@ class BarrierContact(InScene):
         self.position = vertices["position"]
         if self.position.shape != (3, 1):
             raise SceneError(f"contact needs 3x1 positions, but {self.position.path} is {self.position.shape}")
+        self._lock = mesh.scene.lock
         positions = self.positions()
         self.geometry = CollisionGeometry(
             positions,
@@ -164,6 +166,7 @@ class BarrierContact(InScene):
         """Current positions of all vertices, [n, 3]."""
         return self.position.compute().array.reshape(-1, 3)
 
+    @one_thread_at_a_time
     def update(self, positions: FloatArray | None = None, candidates: Candidates | None = None) -> ActiveSet:
         """Finds the close pairs at the current positions and gives them to the scene.
 
@@ -177,6 +180,7 @@ class BarrierContact(InScene):
             self._apply(self.active)
         return self.active
 
+    @one_thread_at_a_time
     def free_step(self, start: FloatArray, end: FloatArray) -> tuple[float, Candidates]:
         """Largest step in [0, 1] from start straight towards end [n, 3] that is free of collisions, and the pairs to
         give to `update` anywhere on that way.

@@ -17,6 +17,7 @@ from yasps.frontend.attribute import FloatArray, Stored
 from yasps.frontend.compiled_scene import CompiledScene, Term
 from yasps.frontend.instance_order import OrderedReads, own_reads, rows_of
 from yasps.frontend.primitive import Primitive
+from yasps.frontend.scene_lock import one_thread_at_a_time
 from yasps.frontend.scene_source import CompileRequest
 from yasps.runtime.assembly import Assembler, KernelCall, evaluate
 from yasps.runtime.block_matrix import BlockGroup, BlockMatrix
@@ -88,10 +89,12 @@ class CpuScene(CompiledScene):
         evaluate(self.runtime, function, arguments, count, out)
         return out
 
+    @one_thread_at_a_time
     def total_energy(self) -> float:
         """Sum of all energies; infinite or NaN where one is."""
         return float(sum(self.runtime.sum(values) for values in self.energies().values()))
 
+    @one_thread_at_a_time
     def update_structure(self) -> None:
         self.bind()
         boundaries, block_sizes = self._layout()
@@ -132,6 +135,7 @@ class CpuScene(CompiledScene):
             rows_of(placement.kappas, order), rows_of(placement.positions, order), ordered
         )
 
+    @one_thread_at_a_time
     def assemble(self, *, hessian: bool = True, project: bool = True) -> FloatArray:
         """Gradient of all targets, end to end; with `hessian` fills `static_matrix` and `dynamic_matrix`, whose sum is
         the Hessian, else they stay as they are.
@@ -169,6 +173,7 @@ class CpuScene(CompiledScene):
                 )
         return gradient
 
+    @one_thread_at_a_time
     def solve_linear(
         self,
         gradient: FloatArray,
@@ -182,5 +187,6 @@ class CpuScene(CompiledScene):
         parts = [self.static_matrix, self.dynamic_matrix]
         return self._solver.solve(parts, gradient, tolerance, max_iterations, solver=solver, with_history=history)
 
+    @one_thread_at_a_time
     def hessian_groups(self) -> list[BlockGroup]:
         return [*self.static_matrix.groups, *self.dynamic_matrix.groups]

@@ -24,6 +24,7 @@ from yasps.frontend.attribute import FloatArray, Stored
 from yasps.frontend.compiled_scene import CompiledScene, Term
 from yasps.frontend.device_report import CUDA_KEY
 from yasps.frontend.errors import ConnectivityError, DataError
+from yasps.frontend.scene_lock import one_thread_at_a_time
 from yasps.frontend.scene_source import CompileRequest
 from yasps.runtime.block_matrix import BlockGroup
 from yasps.runtime.cuda_block_matrix import BuildScratch, CudaBlockMatrix, CudaGradient
@@ -167,6 +168,7 @@ class CudaScene(CompiledScene):
         self.program.launch_batch(symbol, count, self._values.resize(count, *shape))
         return self._values.download()
 
+    @one_thread_at_a_time
     def total_energy(self) -> float:
         self._upload()
         self._sum.begin(len(self._terms))
@@ -175,6 +177,7 @@ class CudaScene(CompiledScene):
             self._sum.add(self._values)
         return float(self._sum.results().sum())
 
+    @one_thread_at_a_time
     def update_structure(self) -> None:
         self._upload()
         boundaries, block_sizes = self._layout()
@@ -209,6 +212,7 @@ class CudaScene(CompiledScene):
         self.program.launch_batch(term.kappa, term.count, placement.kappas.resize(term.count, term.capacity))
         return placement
 
+    @one_thread_at_a_time
     def assemble(self, *, hessian: bool = True, project: bool = True) -> FloatArray:
         self.update_structure()
         terms = self._derived_terms()
@@ -219,6 +223,7 @@ class CudaScene(CompiledScene):
                 raise self._not_finite(term, int(first_bad))
         return self._gradient.values.download()
 
+    @one_thread_at_a_time
     def launch_assembly(self, *, hessian: bool = True, project: bool = True) -> None:
         """What `assemble` does on the device alone, after it was called once: nothing is copied, nobody waits."""
         matrices = [self.static_matrix, self.dynamic_matrix]
@@ -248,6 +253,7 @@ class CudaScene(CompiledScene):
     def _derived_terms(self) -> list[Term]:
         return [term for term in self._terms if term.derivative is not None and term.count]
 
+    @one_thread_at_a_time
     def solve_linear(
         self,
         gradient: FloatArray,
@@ -267,5 +273,6 @@ class CudaScene(CompiledScene):
         x, report = self._solver.solve(parts, right, tolerance, max_iterations, with_history=history)
         return x.download(), report
 
+    @one_thread_at_a_time
     def hessian_groups(self) -> list[BlockGroup]:
         return [*self.static_matrix.download_groups(), *self.dynamic_matrix.download_groups()]

@@ -24,6 +24,7 @@ from yasps.frontend.errors import (
 )
 from yasps.frontend.in_scene import InScene
 from yasps.frontend.paper_names import EntityNames
+from yasps.frontend.scene_lock import SceneLock, one_thread_at_a_time
 from yasps.frontend.spelling import both_spellings
 
 if TYPE_CHECKING:
@@ -48,6 +49,10 @@ class Entity(EntityNames, InScene, abc.ABC):
     @abc.abstractmethod
     def scene(self) -> Scene:
         """The scene it belongs to."""
+
+    @property
+    def _lock(self) -> SceneLock:
+        return self.scene.lock
 
     @property
     @abc.abstractmethod
@@ -138,6 +143,7 @@ class Entity(EntityNames, InScene, abc.ABC):
 
     # -- attributes ----------------------------------------------------------------------------------------
 
+    @one_thread_at_a_time
     def add_constant(self, name: str, rows: int, cols: int, value: ArrayLike | None = None) -> Attribute:
         """Numbers that never take part in differentiation; zero until `update_value` (or `value`) sets them.
 
@@ -145,6 +151,7 @@ class Entity(EntityNames, InScene, abc.ABC):
         """
         return self._add_stored(name, rows, cols, value, constant=True)
 
+    @one_thread_at_a_time
     def add_attribute(
         self,
         name: str,

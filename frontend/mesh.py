@@ -10,6 +10,7 @@ from yasps.frontend.entity import Entity
 from yasps.frontend.errors import SceneError
 from yasps.frontend.paper_names import MeshNames
 from yasps.frontend.primitive import Primitive, PrimitiveBase, PrimitiveUnion
+from yasps.frontend.scene_lock import one_thread_at_a_time
 from yasps.frontend.spelling import both_spellings
 
 if TYPE_CHECKING:
@@ -44,6 +45,7 @@ class Mesh(MeshNames, Entity):
         """A primitive or primitive union by its name."""
         return cast("AnyPrimitive", self._part(name))
 
+    @one_thread_at_a_time
     def add_primitive(self, name: str, num_instances: int, is_dynamic: bool = False) -> Primitive:
         """Adds a primitive type with this many instances; reached as `mesh.name` afterwards.
 
@@ -61,6 +63,7 @@ class Mesh(MeshNames, Entity):
         self.scene.structure_changed()
         return primitive
 
+    @one_thread_at_a_time
     def add_primitive_union(self, name: str, members: Sequence[PrimitiveBase]) -> PrimitiveUnion:
         """Adds the union of primitives, of unions too, of any meshes of the scene (paper, 4.6).
 

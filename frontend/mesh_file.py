@@ -1,16 +1,21 @@
 """Tetrahedral meshes from and to files, through meshio."""
 
-import contextlib
 import io
 import logging
-from collections.abc import Iterator
+import os
+import subprocess
+import sys
+import tempfile
+import threading
+from contextlib import redirect_stderr, redirect_stdout
 from pathlib import Path
-from typing import cast
+from typing import Any, cast
 
 import meshio
 import numpy as np
 import numpy.typing as npt
 
+from yasps.frontend.mesh_reader import OUT_OF_MEMORY
 from yasps.frontend.tetrahedral_mesh import (
     Float64Array,
     Int32Array,
@@ -24,6 +29,13 @@ logger = logging.getLogger(__name__)
 
 # Cells that fill a volume; a mesh that mixes them with tetrahedra would have holes without them.
 OTHER_VOLUME_CELLS = ("hexahedron", "wedge", "pyramid", "polyhedron", "VTK_LAGRANGE", "tetra")
+
+# What reading may take: so much, and so much more for each byte of the file.
+_MEMORY = (2**30, 200)
+_SECONDS = (60, 1e-5)
+
+# While a mesh is written, what is printed goes elsewhere, for all threads.
+_one_writer = threading.Lock()
 
 
 def read_tetrahedral_mesh(path: str | Path, *, flip_inverted: bool = False) -> TetrahedralMesh:
@@ -40,15 +52,14 @@ def read_tetrahedral_mesh(path: str | Path, *, flip_inverted: bool = False) -> T
 
     Raises:
         MeshError: the file is missing or unreadable, has no tetrahedra, has higher-order tetrahedra or other volume
-            cells, or its mesh breaks a rule of `TetrahedralMesh`; the message names the file.
+            cells, claims to hold more than it does, or its mesh breaks a rule of `TetrahedralMesh`; the message names
+            the file.
     """
     file = Path(path)
     if not file.is_file():
         kind = "is a folder" if file.is_dir() else "does not exist"
         raise MeshError(f"Cannot read a mesh from '{file}': it {kind}. The working folder is '{Path.cwd()}'.")
-    with _meshio_errors_as_mesh_errors(f"Cannot read a mesh from '{file}'"):
-        contents = meshio.read(file)
-    return _tetrahedral_mesh(contents, file, flip_inverted)
+    return _tetrahedral_mesh(_read_arrays(file), file, flip_inverted)
 
 
 def write_mesh(path: str | Path, mesh: TetrahedralMesh) -> None:
@@ -60,12 +71,43 @@ def write_mesh(path: str | Path, mesh: TetrahedralMesh) -> None:
     file = Path(path)
     if not file.parent.is_dir():
         raise MeshError(f"Cannot write a mesh to '{file}': the folder '{file.parent}' does not exist. Create it first.")
-    with _meshio_errors_as_mesh_errors(f"Cannot write a mesh to '{file}'"):
-        meshio.write(file, meshio.Mesh(mesh.vertices, [("tetra", mesh.tets)]))
+    printed = io.StringIO()
+    try:
+        with _one_writer, redirect_stdout(printed), redirect_stderr(printed):
+            meshio.write(file, meshio.Mesh(mesh.vertices, [("tetra", mesh.tets)]))
+    except (Exception, SystemExit) as error:  # its writers let every kind through
+        told = "" if isinstance(error, SystemExit) else f"{type(error).__name__}: {error}"
+        raise _failure(f"Cannot write a mesh to '{file}'", [*printed.getvalue().splitlines(), told]) from error
 
 
-def _tetrahedral_mesh(contents: meshio.Mesh, file: Path, flip_inverted: bool) -> TetrahedralMesh:
-    blocks = [block.data for block in contents.cells if block.type == "tetra"]
+def _read_arrays(file: Path) -> dict[str, npt.NDArray[Any]]:
+    """What `mesh_reader` finds in the file."""
+    size = file.stat().st_size
+    memory, seconds = (int(first + each * size) for first, each in (_MEMORY, _SECONDS))
+    with tempfile.TemporaryDirectory(prefix="yasps-mesh-") as folder:
+        arrays = Path(folder) / "arrays.npz"
+        reader = Path(__file__).with_name("mesh_reader.py")
+        command = [sys.executable, "-P", str(reader), str(file.absolute()), str(arrays), str(memory), str(seconds)]
+        environment = {**os.environ, "PYTHONPATH": os.pathsep.join(filter(None, sys.path)), "OPENBLAS_NUM_THREADS": "1"}
+        try:
+            done = subprocess.run(
+                command, env=environment, stdin=subprocess.DEVNULL, capture_output=True, check=False, errors="replace"
+            )
+            if done.returncode == 0:
+                with np.load(arrays, allow_pickle=False) as found:
+                    return dict(found)
+        except (OSError, ValueError) as error:
+            raise _failure(f"Cannot read a mesh from '{file}'", [f"{type(error).__name__}: {error}"]) from error
+    reasons = [*done.stdout.splitlines(), *done.stderr.splitlines()]
+    if done.returncode == OUT_OF_MEMORY:
+        reasons = [f"its {size} bytes claim to hold more than fits into {memory / 1e9:.1f} GB of memory"]
+    elif done.returncode < 0:
+        reasons = [f"its reader did not end well (signal {-done.returncode}), within at most {seconds} s"]
+    raise _failure(f"Cannot read a mesh from '{file}'", reasons)
+
+
+def _tetrahedral_mesh(contents: dict[str, npt.NDArray[Any]], file: Path, flip_inverted: bool) -> TetrahedralMesh:
+    blocks = [array for name, array in contents.items() if name.startswith("cells/")]
     found = _cell_counts(contents)
     others = {kind: n for kind, n in found.items() if kind != "tetra" and kind.startswith(OTHER_VOLUME_CELLS)}
     if others:
@@ -78,9 +120,13 @@ def _tetrahedral_mesh(contents: meshio.Mesh, file: Path, flip_inverted: bool) ->
             f"'{file}' has no tetrahedra; it has {_listed(found)}. A surface must be filled with tetrahedra first, "
             "for example with pytetwild (pip install pytetwild), TetGen or Gmsh."
         )
-    vertices = np.asarray(contents.points, dtype=np.float64)
-    tets = np.concatenate(blocks).astype(np.int64)
+    vertices = contents["points"]
     try:
+        if any(block.dtype.kind not in "iu" for block in blocks):
+            raise MeshError(f"Its vertex indices are numbers of type {blocks[0].dtype}, not integers.")
+        if any(block.ndim != 2 or block.shape[1] != 4 for block in blocks):
+            raise MeshError("Its tetrahedra have another number of vertices than four.")
+        tets = np.concatenate(blocks).astype(np.int64)
         return _cleaned(vertices, tets, file, flip_inverted)
     except MeshError as error:
         raise MeshError(f"The mesh in '{file}' cannot be used. {error}") from error
@@ -102,10 +148,10 @@ def _cleaned(vertices: Float64Array, tets: npt.NDArray[np.int64], file: Path, fl
     return mesh
 
 
-def _cell_counts(contents: meshio.Mesh) -> dict[str, int]:
+def _cell_counts(contents: dict[str, npt.NDArray[Any]]) -> dict[str, int]:
     counts: dict[str, int] = {}
-    for block in contents.cells:
-        counts[block.type] = counts.get(block.type, 0) + len(block.data)
+    for kind, count in zip(contents["types"].tolist(), contents["counts"].tolist(), strict=True):
+        counts[kind] = counts.get(kind, 0) + count
     return counts
 
 
@@ -113,20 +159,9 @@ def _listed(counts: dict[str, int]) -> str:
     return ", ".join(f"{n} {kind}" for kind, n in counts.items()) or "no cells at all"
 
 
-@contextlib.contextmanager
-def _meshio_errors_as_mesh_errors(what_failed: str) -> Iterator[None]:
-    """Keep meshio silent, and raise one MeshError for whatever it does: it prints, it calls sys.exit, and its parsers
-    let every kind of error through when a file is not what its ending says."""
-    printed = io.StringIO()
-    try:
-        with contextlib.redirect_stdout(printed), contextlib.redirect_stderr(printed):
-            yield
-    except (Exception, SystemExit) as error:
-        said = [line.strip() for line in printed.getvalue().splitlines()]
-        told = str(error) if not isinstance(error, SystemExit) else ""
-        reasons = dict.fromkeys(filter(None, [*said, told and f"{type(error).__name__}: {told}"]))
-        endings = ", ".join(sorted(ending for ending in meshio.extension_to_filetypes if ending))
-        raise MeshError(
-            f"{what_failed} ({'; '.join(reasons) or type(error).__name__}). Is the file whole, and of the format that "
-            f"its ending says? Known endings: {endings}."
-        ) from error
+def _failure(what_failed: str, reasons: list[str]) -> MeshError:
+    told = "; ".join(dict.fromkeys(filter(None, map(str.strip, reasons)))) or "no reason was given"
+    endings = ", ".join(sorted(ending for ending in meshio.extension_to_filetypes if ending))
+    return MeshError(
+        f"{what_failed} ({told}). Is the file whole, and of the format that its ending says? Known endings: {endings}."
+    )

@@ -21,6 +21,7 @@ from yasps.frontend.in_scene import InScene
 from yasps.frontend.newton_system import check_choices, solve_newton_system
 from yasps.frontend.progress import TimeTable
 from yasps.frontend.scene import Scene
+from yasps.frontend.scene_lock import SceneLock, one_thread_at_a_time
 
 ROUNDING = 1e-15
 """Relative change of a total energy that is only rounding."""
@@ -118,7 +119,8 @@ def minimize(
     """
     time_step = positive_number(time_step, "time_step", "s", SceneError)
     measured = [contact.position] if contact is not None else list(positions)
-    return _Minimization(scene, measured, time_step, contact, settings, times or TimeTable()).run()
+    with scene.lock:
+        return _Minimization(scene, measured, time_step, contact, settings, times or TimeTable()).run()
 
 
 @dataclass
@@ -329,6 +331,11 @@ class BackwardEuler(InScene):
         }
         self._target_velocities = [np.zeros_like(target.value) for target in scene.minimize_targets]
 
+    @property
+    def _lock(self) -> SceneLock:
+        return self.scene.lock
+
+    @one_thread_at_a_time
     def step(self) -> NewtonReport:
         """One time step. Raises NotConvergedError; the targets then have the last accepted values."""
         dt = self.time_step

@@ -223,7 +223,8 @@ class SceneNames:
 
         locations: print behind each attribute the line of Python that made it.
 
-        Raises what `compile` does, and DataError or ConnectivityError for numbers that don't fit.
+        Raises what `compile` does, DataError or ConnectivityError for numbers that don't fit, and SceneError for what
+        can't be a folder.
         """
 
     def structureChanged(self) -> None:

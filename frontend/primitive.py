@@ -15,6 +15,7 @@ from yasps.frontend.connectivity import Connectivity
 from yasps.frontend.entity import Entity
 from yasps.frontend.errors import ConnectivityError, DataError, SceneError, ShapeMismatchError
 from yasps.frontend.paper_names import PrimitiveBaseNames, PrimitiveNames, PrimitiveUnionNames
+from yasps.frontend.scene_lock import one_thread_at_a_time
 from yasps.frontend.spelling import both_spellings
 
 if TYPE_CHECKING:
@@ -40,6 +41,7 @@ class PrimitiveBase(PrimitiveBaseNames, Entity):
         """A connectivity by its name."""
         return cast(Connectivity, self._part(name))
 
+    @one_thread_at_a_time
     def add_connectivity(
         self,
         name: str,
@@ -126,6 +128,7 @@ class Primitive(PrimitiveNames, PrimitiveBase):
             self._num_instances = count
             self.scene.size_changed(self)
 
+    @one_thread_at_a_time
     def update(self, /, **parts: Any) -> None:
         """Sets several connectivities and stored attributes at once, by name, all or none.
 

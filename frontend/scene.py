@@ -25,8 +25,10 @@ from yasps.frontend.hessian import Hessian
 from yasps.frontend.mesh import Mesh
 from yasps.frontend.newton_system import advice_on, check_choices, check_limits, solve_newton_system
 from yasps.frontend.paper_names import SceneNames
-from yasps.frontend.scene_source import CompileRequest
+from yasps.frontend.scene_lock import lock_of, one_thread_at_a_time
+from yasps.frontend.scene_source import CompileRequest, make_dump_folder
 from yasps.frontend.spelling import both_spellings, paper_spelling
+from yasps.runtime.build_cache import file_name
 from yasps.runtime.library import Runtime, load_runtime
 from yasps.runtime.solver import SolveReport
 from yasps.runtime.toolchain import find_compiler
@@ -63,6 +65,9 @@ class Scene(SceneNames, Entity):
     scenes may share. threads: of the CPU's runtime; default one for each processor. deterministic: the same bits for
     any number of threads, and on a GPU in every run, for some more time and memory; without it, on the CPU for the same
     number. Nothing is global: scenes of the same name live side by side.
+
+    Threads may share a scene: whatever sets numbers or computes waits until no other thread does. `with scene.lock:`
+    keeps the others out for several calls.
     """
 
     _kind = "scene"
@@ -83,6 +88,7 @@ class Scene(SceneNames, Entity):
             raise SceneError(f"threads={threads!r}: it must be a positive integer, or left out for one per processor")
         if threads is not None and device != "cpu":
             raise SceneError(f"threads={threads}: a GPU has its own; leave threads out")
+        self.lock = lock_of(device)
         self._device_name = device
         self._device: Device | None = None
         self._threads = threads
@@ -132,6 +138,7 @@ class Scene(SceneNames, Entity):
         """A mesh by its name."""
         return cast(Mesh, self._part(name))
 
+    @one_thread_at_a_time
     def add_mesh(self, name: str) -> Mesh:
         """Adds a mesh; reached as `scene.name` afterwards. Raises NameTakenError."""
         self.check_child_name(name, "a mesh")
@@ -139,6 +146,7 @@ class Scene(SceneNames, Entity):
         self._children[name] = mesh
         return mesh
 
+    @one_thread_at_a_time
     def add_energy(
         self, attribute: Attribute, dynamic_instances: bool | None = None, projection: str = "clamp"
     ) -> None:
@@ -171,6 +179,7 @@ class Scene(SceneNames, Entity):
         self._energies.append(EnergyTerm(attribute, projection, bool(dynamic_instances)))
         self.structure_changed()
 
+    @one_thread_at_a_time
     def add_minimize_target(self, targets: Attribute | Sequence[Attribute]) -> None:
         """Adds stored variables that energies are minimised over (paper, 4.7); results come in this order.
 
@@ -206,6 +215,7 @@ class Scene(SceneNames, Entity):
 
     # -- results -------------------------------------------------------------------------------------------
 
+    @one_thread_at_a_time
     def minimize_energy(
         self,
         tolerance: float = 1e-4,
@@ -251,6 +261,7 @@ class Scene(SceneNames, Entity):
     ) -> Solution: ...
 
     @paper_spelling
+    @one_thread_at_a_time
     def solve(
         self,
         tolerance: float = 1e-4,
@@ -275,11 +286,13 @@ class Scene(SceneNames, Entity):
         )
         return Solution(compiled.split(solved.x), compiled.split(solved.gradient), solved.report)
 
+    @one_thread_at_a_time
     def gradient(self) -> list[FloatArray]:
         """Gradient of all energies, one flat array for each target."""
         compiled = self.compile()
         return compiled.split(compiled.assemble(hessian=False))
 
+    @one_thread_at_a_time
     def hessian(self, projected: bool = True) -> Hessian:
         """Hessian of all energies with respect to all targets, as a copy of one's own.
 
@@ -293,6 +306,7 @@ class Scene(SceneNames, Entity):
             compiled.assemble()
         return compiled.hessian()
 
+    @one_thread_at_a_time
     def mixed_hessian(
         self, targets: Attribute | Sequence[Attribute], parameters: Attribute | Sequence[Attribute]
     ) -> sparse.csr_array[np.float64]:
@@ -335,10 +349,12 @@ class Scene(SceneNames, Entity):
             self._variants[key] = self._compile_for(exact, targets, [], None)
         return self._variants[key]
 
+    @one_thread_at_a_time
     def total_energy(self) -> float:
         """Sum of all energies over all their instances; infinite or NaN where one is."""
         return self.compile(need_targets=False).total_energy()
 
+    @one_thread_at_a_time
     def energy_values(self) -> dict[str, FloatArray]:
         """Each energy on every instance, by its path."""
         return self.compile(need_targets=False).energies()
@@ -351,6 +367,7 @@ class Scene(SceneNames, Entity):
     def compile(self, *, device: str, arch: str) -> DeviceCompileReport: ...
 
     @paper_spelling
+    @one_thread_at_a_time
     def compile(
         self, *, need_targets: bool = True, device: str | None = None, arch: str | None = None
     ) -> CompiledScene | DeviceCompileReport:
@@ -388,7 +405,7 @@ class Scene(SceneNames, Entity):
         dump_to: Path | None,
         dump_locations: bool = False,
     ) -> CompiledScene:
-        request = CompileRequest(self._symbol, energies, targets, outputs, dump_to, dump_locations)
+        request = CompileRequest(self._symbol, energies, targets, outputs, dump_to, dump_locations, self.lock)
         compiled: CompiledScene
         if not self.is_on_device:
             compiled = CpuScene(request, self.runtime, deterministic=self._deterministic)
@@ -416,6 +433,7 @@ class Scene(SceneNames, Entity):
         return self._device_name != "cpu"
 
     @property
+    @one_thread_at_a_time
     def device(self) -> Device:
         """The GPU, with a stream of this scene's own; opened on first use.
 
@@ -430,15 +448,18 @@ class Scene(SceneNames, Entity):
                 self._device = Gpu(int(self._device_name.partition(":")[2] or 0))
             else:
                 self._device = self._device_name
+            self.lock.has_device = True
         return self._device
 
     @property
+    @one_thread_at_a_time
     def runtime(self) -> Runtime:
         """The CPU's solver runtime; compiled and loaded on first use."""
         if self._runtime is None:
             self._runtime = load_runtime(find_compiler(), self._threads)
         return self._runtime
 
+    @one_thread_at_a_time
     def evaluate(self, attribute: Attribute) -> FloatArray:
         """Values of an attribute on all instances, [instances, rows, columns]; see `Attribute.compute`.
 
@@ -453,21 +474,24 @@ class Scene(SceneNames, Entity):
             attribute.evaluator = self._compile_for([], [], [attribute], folder)
         return attribute.evaluator.evaluate(attribute)
 
+    @one_thread_at_a_time
     def dump_ir(self, folder: str | Path, *, locations: bool = False) -> None:
         """Compiles the scene once more and writes into the folder the IR after every pass, the generated sources, and
         the scene's numbers as `data.npz`, on which `yasps-opt --interpret` runs any of the dumps.
 
         locations: print behind each attribute the line of Python that made it.
 
-        Raises what `compile` does, and DataError or ConnectivityError for numbers that don't fit.
+        Raises what `compile` does, DataError or ConnectivityError for numbers that don't fit, and SceneError for what
+        can't be a folder.
         """
+        target = make_dump_folder(folder)
         self.compile()
-        compiled = self._compile_for(self._energies, self._targets, [], Path(folder), locations)
-        save_scene_data(Path(folder) / "data.npz", compiled.data())
+        compiled = self._compile_for(self._energies, self._targets, [], target, locations)
+        save_scene_data(target / "data.npz", compiled.data())
 
     def _dump_folder(self, part: str = "") -> Path | None:
         setting = os.environ.get("YASPS_DUMP_IR")
-        return Path(setting) / self.name / part if setting else None
+        return make_dump_folder(Path(setting) / file_name(self.name) / part) if setting else None
 
     # -- what changed --------------------------------------------------------------------------------------
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 
 from xdsl.dialects.builtin import ModuleOp
@@ -13,8 +13,9 @@ from yasps.backend.scene_code import SceneCode
 from yasps.backend.scene_view import SceneView
 from yasps.frontend.attribute import Attribute
 from yasps.frontend.emit import EnergyTerm, SceneEmitter
-from yasps.frontend.errors import UnsupportedSceneError
+from yasps.frontend.errors import SceneError, UnsupportedSceneError
 from yasps.frontend.scene_key import compiler_digest, text_without_sizes
+from yasps.frontend.scene_lock import SceneLock
 from yasps.passes.errors import CompileError
 from yasps.passes.pipeline import run_pipeline
 from yasps.runtime.toolchain import kept_text
@@ -25,7 +26,7 @@ class CompileRequest:
     """What of a scene is compiled.
 
     dump_to: where the IR after every pass and the generated sources are written, if anywhere; with locations: with the
-    line of Python that made each attribute.
+    line of Python that made each attribute. lock: of the scene, for what is compiled to do its work in.
     """
 
     scene_name: str
@@ -34,6 +35,19 @@ class CompileRequest:
     outputs: Sequence[Attribute] = ()
     dump_to: Path | None = None
     dump_locations: bool = False
+    lock: SceneLock = field(default_factory=SceneLock)
+
+
+def make_dump_folder(folder: str | Path) -> Path:
+    """The folder that a scene's IR is written to. Raises SceneError where there can't be one."""
+    try:
+        path = Path(folder)
+        path.mkdir(parents=True, exist_ok=True)
+    except (OSError, ValueError, TypeError) as error:  # a NUL in the name is a ValueError
+        raise SceneError(
+            f"the IR can't be written to {str(folder)!r}, which can't be made a folder: {error}"
+        ) from error
+    return path
 
 
 class SceneSource:

@@ -155,17 +155,27 @@ class VtkHdfSeries:
                     unfinished.unlink(missing_ok=True)
             else:
                 with h5py.File(self.path, "r+") as file:
+                    self._check_is_ours(file)
                     try:
                         self._append(file, float(time), positions, frame)
                     except BaseException:
                         # Ctrl-C too: VTK 9.7 crashes where there are more times than NSteps.
                         _set_steps(file["VTKHDF/Steps"], self._frames)
                         raise
-        except OSError as error:
+        except (OSError, KeyError, RuntimeError, ValueError, TypeError, AttributeError) as error:  # h5py's, of damage
             raise OutputFileError(f"Frame {self._frames} could not be written to '{self.path}': {error}") from error
         self._declared = {key: (a.shape[1:], a.dtype) for key, a in frame.items()}
         self._last_time = float(time)
         self._frames += 1
+
+    def _check_is_ours(self, file: h5py.File) -> None:
+        steps = file.get("VTKHDF/Steps")
+        frames = steps.attrs.get("NSteps", -1) if isinstance(steps, h5py.Group) else -1
+        if not np.array_equal(frames, self._frames):
+            raise OutputFileError(
+                f"Frame {self._frames} was not written: '{self.path}' is not the series of {self._frames} frames that "
+                "was written there. Something else has changed the file; begin a new series under another name."
+            )
 
     def close(self) -> None:
         """Ends the series. The file itself is already closed, as after every frame."""

@@ -19,7 +19,7 @@ from yasps.backend.interpreter import Interpreter
 from yasps.backend.scene_data import SceneData, SceneDataError, check_scene_data, load_scene_data, random_scene_data
 from yasps.dialects.rel import name_of
 from yasps.passes.errors import CompileError
-from yasps.passes.yasps_opt import DESCRIPTION, YaspsOptMain
+from yasps.passes.yasps_opt import DESCRIPTION, YaspsOptMain, damage_as_compile_error
 
 
 class InterpretingOptMain(YaspsOptMain):
@@ -47,10 +47,13 @@ class InterpretingOptMain(YaspsOptMain):
     def output_resulting_program(self, prog: ModuleOp) -> str:
         """The module as text, or what it computes."""
         if self.args.interpret is not None:
-            return interpreted(prog, load_scene_data(self.args.interpret))
-        if self.args.random is not None:
-            return interpreted(prog, random_scene_data(prog, self.args.random, self.args.seed))
-        return super().output_resulting_program(prog)
+            data = load_scene_data(self.args.interpret)
+        elif self.args.random is not None:
+            data = random_scene_data(prog, self.args.random, self.args.seed)
+        else:
+            return super().output_resulting_program(prog)
+        with damage_as_compile_error("interpreting the module"):
+            return interpreted(prog, data)
 
 
 def _instances(word: str) -> int:

@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
+import re
 from argparse import ArgumentParser
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from io import BytesIO
 from typing import IO
 
 from xdsl.dialects.builtin import ModuleOp
 from xdsl.ir import Dialect
 from xdsl.passes import ModulePass, PassPipeline
 from xdsl.universe import Universe
+from xdsl.utils.exceptions import ParseError, ShrinkException
 from xdsl.xdsl_opt_main import xDSLOptMain
 
 from yasps.dialects.mat import Mat
@@ -32,6 +36,33 @@ def _passes() -> dict[str, Callable[[], type[ModulePass]]]:
 
 UNIVERSE = Universe(all_dialects=_dialects(), all_passes=_passes())
 """Entry point `xdsl.universe`: stock `xdsl-opt` knows our dialects and passes too."""
+
+
+_COMMENT_OR_STRING = re.compile(r"""//[^\n]*|"(?:[^"\\\n\v\f]|\\(?:["nt\\]|[0-9A-Fa-f]{2}))*(?P<end>"?)""")
+
+
+def check_strings_end(text: str) -> None:
+    """Raises CompileError for a string that does not end, over which xDSL's lexer takes time exponential in its length
+    (0.74.0)."""
+    for match in _COMMENT_OR_STRING.finditer(text):
+        if match["end"] == "":
+            line = text.count("\n", 0, match.start()) + 1
+            raise CompileError(f"line {line}: the string {match.group()[:40]} does not end")
+
+
+@contextmanager
+def damage_as_compile_error(while_doing: str) -> Iterator[None]:
+    """What parsers, passes and the interpreter trip over in IR that was never meant becomes a CompileError.
+
+    Laws are checked before passes run, but text can break more rules than there are checks.
+    """
+    try:
+        yield
+    except (CompileError, ParseError, ShrinkException):
+        raise
+    except Exception as error:
+        told = f"{type(error).__name__}: {error}".splitlines()[0].rstrip(": ")
+        raise CompileError(f"{while_doing}: this is no module that yasps could have made ({told})") from error
 
 
 class YaspsOptMain(xDSLOptMain):
@@ -73,9 +104,20 @@ class YaspsOptMain(xDSLOptMain):
         except ValueError as error:
             raise CompileError(str(error)) from error
 
+    def parse_chunk(self, chunk: IO[bytes], file_extension: str, start_offset: int = 0) -> ModuleOp | None:
+        """As upstream; raises CompileError for what is no text, and ParseError."""
+        with damage_as_compile_error("reading the input"):
+            if file_extension == "mlir":
+                content = chunk.read()
+                chunk.close()
+                check_strings_end(content.decode("utf-8"))
+                chunk = BytesIO(content)
+            return super().parse_chunk(chunk, file_extension, start_offset)
+
     def apply_passes(self, prog: ModuleOp) -> None:
         """Applies the passes in order; raises CompileError."""
-        run_passes(self.pipeline, self.ctx, prog)
+        with damage_as_compile_error("running the passes"):
+            run_passes(self.pipeline, self.ctx, prog)
 
     def output_resulting_program(self, prog: ModuleOp) -> str:
         """The module as text."""

@@ -26,10 +26,12 @@ from yasps.runtime.build_cache import (
     cache_folder,
     digest_of,
     in_parallel,
-    is_filled,
+    keep,
+    put,
+    put_text,
     safe_name,
+    text_in,
     write_text,
-    write_whole,
 )
 from yasps.runtime.cuda_nvcc import INSTALL_ADVICE, CudaNotFoundError, Nvcc, find_nvcc
 from yasps.runtime.cuda_report import (
@@ -258,8 +260,6 @@ def _link_host(objects: Sequence[DeviceObject], toolchain: CudaToolchain) -> Lin
     name = safe_name(objects[0].name if len(objects) == 1 else "cuda-host")
     key = digest_of("link host", toolchain.nvcc.key, toolchain.arch, *(item.key for item in objects))
     path = cache_folder() / f"{name}-{key[:32]}.so"
-    if is_filled(path):
-        return LinkedLibrary(path, time.perf_counter() - start, cached=True)
 
     def build(target: Path) -> None:
         # Symbols are bound within the library: those of another, for another architecture, must not take their place.
@@ -268,8 +268,8 @@ def _link_host(objects: Sequence[DeviceObject], toolchain: CudaToolchain) -> Lin
         names = ", ".join(item.name for item in objects)
         _run_nvcc(toolchain, names, None, [*options, *toolchain.nvcc.library_flags, "-o", target, *inputs])
 
-    write_whole(path, build)
-    return LinkedLibrary(path, time.perf_counter() - start, cached=False)
+    cached = keep(path, build)
+    return LinkedLibrary(path, time.perf_counter() - start, cached)
 
 
 def _object(
@@ -292,11 +292,18 @@ def _object(
 def _with_log(path: Path, build: Callable[[Path], str]) -> tuple[str, bool]:
     """Let `build` make a file of the cache, unless it is there; what it said, which is kept, and whether it was."""
     log_path = path.with_suffix(".log")
-    cached = is_filled(path) and log_path.is_file()
-    if not cached:
-        # The log is in place before the file is. It can be empty.
-        write_whole(path, lambda target: write_text(log_path, build(target)))
-    return log_path.read_text(encoding="utf-8"), cached
+    log = text_in(log_path)
+
+    def build_with_log(target: Path) -> None:
+        nonlocal log
+        log = build(target)
+        put_text(log_path, log)  # in place before the file is
+
+    cached = log is not None and keep(path, build_with_log)
+    if log is None:
+        put(path, build_with_log)
+    assert log is not None
+    return log, cached
 
 
 def _run_nvrtc(source: Source, text_path: Path, flags: Sequence[str]) -> tuple[bytes, str]:
@@ -331,7 +338,10 @@ def _run_nvcc(toolchain: CudaToolchain, name: str, source: Path | None, argument
 
 def _run(command: Sequence[str | Path], name: str, source: Path | None) -> str:
     """What the command said. Raises CompilationError, about the module `name`, when it fails."""
-    result = subprocess.run(command, capture_output=True, text=True, check=False, errors="replace")
+    try:
+        result = subprocess.run(command, capture_output=True, text=True, check=False, errors="replace")
+    except OSError as error:
+        raise CompilationError(name, source, f"{command[0]} cannot be started: {error}", "CUDA") from error
     output = result.stderr + result.stdout
     if result.returncode != 0:
         raise CompilationError(name, source, output or f"{command[0]} ended with {result.returncode}", "CUDA")

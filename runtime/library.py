@@ -124,6 +124,20 @@ class Projection(IntEnum):
     NONE = 2
 
 
+class _OpenMp:
+    """A forked process has none of the threads that OpenMP started before, but GNU OpenMP waits for them to work."""
+
+    is_loaded = False
+    lost_threads = False
+
+    @classmethod
+    def after_fork_in_child(cls) -> None:
+        cls.lost_threads = cls.lost_threads or cls.is_loaded
+
+
+os.register_at_fork(after_in_child=_OpenMp.after_fork_in_child)
+
+
 @dataclass(frozen=True)
 class Runtime(Uncopied):
     """The loaded runtime library.
@@ -139,14 +153,15 @@ class Runtime(Uncopied):
     linked: LinkedLibrary
 
     def thread_count(self, threads: int | None) -> int:
-        """The number of threads to use: `threads`, or the runtime's own where that is None.
+        """The number of threads to use: `threads`, or the runtime's own where that is None; one in a process that was
+        forked after the runtime was loaded.
 
         Raises ValueError for fewer than one.
         """
         count = self.threads if threads is None else threads
         if count < 1:
             raise ValueError(f"threads is {count}; at least one thread has to do the work")
-        return count
+        return 1 if _OpenMp.lost_threads else count
 
     def sum(self, values: FloatArray) -> float:
         """The sum of float64 `values` in a fixed order with compensation for rounding.
@@ -223,6 +238,7 @@ def load_runtime(compiler: Compiler, threads: int | None = None) -> Runtime:
     # it waits for off the processor: products became 15 times slower. libgomp reads this when it is loaded.
     os.environ.setdefault("GOMP_SPINCOUNT", "300")
     library = ctypes.CDLL(str(linked.path))
+    _OpenMp.is_loaded = True
     for name, (result, arguments) in _SIGNATURES.items():
         function = getattr(library, name)
         function.restype = result

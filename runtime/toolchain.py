@@ -21,11 +21,11 @@ from yasps.runtime.build_cache import (
     cache_folder,
     digest_of,
     in_parallel,
-    is_filled,
+    keep,
+    keep_text,
     kept_text,
     safe_name,
     write_text,
-    write_whole,
 )
 
 __all__ = [
@@ -202,8 +202,6 @@ def link(objects: Sequence[CompiledObject], compiler: Compiler, extra_flags: Seq
     key = digest_of(compiler.key(), "link", *extra_flags, "objects", *(item.key for item in objects))
     path = folder / f"{name}-{key[:32]}.so"
     start = time.perf_counter()
-    if is_filled(path):
-        return LinkedLibrary(path, time.perf_counter() - start, cached=True)
 
     def build(target: Path) -> None:
         inputs = [str(item.path) for item in objects]
@@ -212,28 +210,26 @@ def link(objects: Sequence[CompiledObject], compiler: Compiler, extra_flags: Seq
         if failure is not None:
             raise CompilationError(", ".join(item.name for item in objects), None, failure)
 
-    write_whole(path, build)
-    return LinkedLibrary(path, time.perf_counter() - start, cached=False)
+    cached = keep(path, build)
+    return LinkedLibrary(path, time.perf_counter() - start, cached)
 
 
 def _compile(source: Source, compiler: Compiler, compiler_key: str, folder: Path) -> CompiledObject:
     key = digest_of(compiler_key, "source", source.text)
     stem = f"{safe_name(source.name)}-{key[:32]}"
     path = folder / f"{stem}.o"
-    start = time.perf_counter()
-    if is_filled(path):
-        return CompiledObject(source.name, path, time.perf_counter() - start, cached=True, key=key)
     text_path = folder / f"{stem}.cpp"
-    write_text(text_path, source.text)
+    start = time.perf_counter()
 
     def build(target: Path) -> None:
+        write_text(text_path, source.text)
         command = [*compiler.command, *compiler.flags, "-c", str(text_path), "-o", str(target)]
         failure = _failure_of(command)
         if failure is not None:
             raise CompilationError(source.name, text_path, failure)
 
-    write_whole(path, build)
-    return CompiledObject(source.name, path, time.perf_counter() - start, cached=False, key=key)
+    cached = keep(path, build)
+    return CompiledObject(source.name, path, time.perf_counter() - start, cached, key)
 
 
 def _find_command() -> tuple[tuple[str, ...], str]:
@@ -281,7 +277,10 @@ def _output_of(command: Sequence[str], origin: str) -> str:
 
 def _failure_of(command: Sequence[str]) -> str | None:
     """What the command said when it failed, else None."""
-    result = subprocess.run(command, capture_output=True, text=True, check=False, errors="replace")
+    try:
+        result = subprocess.run(command, capture_output=True, text=True, check=False, errors="replace")
+    except OSError as error:
+        return f"{command[0]} cannot be started: {error}"
     if result.returncode == 0:
         return None
     return result.stderr or result.stdout or f"`{shlex.join(command)}` ended with exit code {result.returncode}"
@@ -289,16 +288,15 @@ def _failure_of(command: Sequence[str]) -> str | None:
 
 def _probe(compiler: Compiler, name: str, program: str, flags: tuple[str, ...]) -> bool:
     """Whether the program compiles with the extra flags and ends with 0. The answer is kept in the cache."""
-    folder = cache_folder()
     key = digest_of(compiler.key(), program, *flags)
-    answer_path = folder / f"probe-{name}-{key[:32]}.txt"
-    if is_filled(answer_path):
-        return answer_path.read_text(encoding="utf-8").strip() == "yes"
-    with tempfile.TemporaryDirectory(prefix="yasps-probe-") as scratch:
-        source = Path(scratch) / "probe.cpp"
-        binary = Path(scratch) / "probe"
-        source.write_text(program, encoding="utf-8")
-        command = [*compiler.command, *compiler.flags, str(source), "-o", str(binary), *flags]
-        works = _failure_of(command) is None and _failure_of([str(binary)]) is None
-    write_text(answer_path, "yes\n" if works else "no\n")
-    return works
+
+    def answer() -> str:
+        with tempfile.TemporaryDirectory(prefix="yasps-probe-") as scratch:
+            source = Path(scratch) / "probe.cpp"
+            binary = Path(scratch) / "probe"
+            source.write_text(program, encoding="utf-8")
+            command = [*compiler.command, *compiler.flags, str(source), "-o", str(binary), *flags]
+            works = _failure_of(command) is None and _failure_of([str(binary)]) is None
+        return "yes\n" if works else "no\n"
+
+    return keep_text(cache_folder() / f"probe-{name}-{key[:32]}.txt", answer) == "yes\n"

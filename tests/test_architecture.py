@@ -72,3 +72,17 @@ def test_an_installed_package_has_all_that_is_compiled_when_it_runs() -> None:
             if path.is_file() and path.suffix not in {".py", ".pyc"} and "__pycache__" not in path.parts
         }
         assert beside == packaged
+
+
+def test_no_command_goes_through_a_shell() -> None:
+    folders = ("dialects", "passes", "runtime", "backend", "frontend", "examples")
+    calls = [
+        (file.name, ast.unparse(node.func), {word.arg for word in node.keywords})
+        for folder in folders
+        for file in sorted((ROOT / folder).rglob("*.py"))
+        for node in ast.walk(ast.parse(file.read_text(encoding="utf-8")))
+        if isinstance(node, ast.Call)
+    ]
+    by_shell = {"os.system", "os.popen", "subprocess.getoutput", "subprocess.getstatusoutput"}
+    assert not [call for call in calls if call[1] in by_shell or "shell" in call[2]]
+    assert len([call for call in calls if call[1].startswith("subprocess.")]) >= 6

@@ -44,8 +44,15 @@ def matrix_type(shape: Shape, element: Float64Type | IntegerType = f64) -> Matri
     return TensorType(element, shape)
 
 
+MOST_ENTRIES = 2**20
+"""Of a matrix. Passes and kernels unroll all entries; what is far larger is a damaged file, not a small matrix."""
+
+
 def is_matrix_type(type_: Attribute) -> bool:
-    return isinstance(type_, TensorType) and len(type_.get_shape()) == 2 and min(type_.get_shape()) >= 1
+    if not isinstance(type_, TensorType) or len(type_.get_shape()) != 2:
+        return False
+    rows, cols = type_.get_shape()
+    return min(rows, cols) >= 1 and rows * cols <= MOST_ENTRIES
 
 
 def shape_of(value: SSAValue) -> Shape:
@@ -100,7 +107,10 @@ class MatOp(IRDLOperation, HasFolderInterface, abc.ABC):
     def verify_(self) -> None:
         for value in (*self.operands, self.result):
             if not is_matrix_type(value.type):
-                raise VerifyException(f"{self.name} takes and gives matrices tensor<RxCxf64>, not {value.type}")
+                raise VerifyException(
+                    f"{self.name} takes and gives matrices tensor<RxCxf64> of 1 to {MOST_ENTRIES} entries, not "
+                    f"{value.type}"
+                )
         if self.ARITY is not None and len(self.operands) != self.ARITY:
             raise VerifyException(f"{self.name} takes {self.ARITY} operands, got {len(self.operands)}")
         try:

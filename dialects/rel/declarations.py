@@ -20,7 +20,7 @@ from xdsl.traits import IsolatedFromAbove, NoTerminator, OpTrait, SymbolOpInterf
 from xdsl.utils.exceptions import VerifyException
 
 from yasps.dialects.mat import Matrix, Shape
-from yasps.dialects.mat.base import is_matrix_type
+from yasps.dialects.mat.base import MOST_ENTRIES, is_matrix_type
 
 PROJECTIONS = ("clamp", "abs", "none")
 
@@ -183,7 +183,9 @@ class StorageOp(Declaration):
 
     def verify_(self) -> None:
         if not is_matrix_type(self.type):
-            raise VerifyException(f"{self.symbol} must be a matrix tensor<RxCxf64>, not {self.type}")
+            raise VerifyException(
+                f"{self.symbol} must be a matrix tensor<RxCxf64> of 1 to {MOST_ENTRIES} entries, not {self.type}"
+            )
 
 
 @irdl_op_definition

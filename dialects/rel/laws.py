@@ -110,6 +110,10 @@ def _verify_body(
                     f"{user} lives on @{lineage[0]} and reads @{name} of @{owner}: attributes of different lineages "
                     "meet only through a JOIN or a UNION"
                 )
+            if isinstance(inner, body_ops.DataOp):
+                scope.find(name, (decl.StorageOp,), "a stored attribute for rel.data", user)
+            else:
+                scope.find(name, (decl.AttributeOp,), "a computed attribute for rel.ref", user)
             _same_type(user, name, type_, inner.matrix_type)
         elif isinstance(inner, body_ops.JoinOp):
             _verify_join(scope, user, lineage[0], inner)

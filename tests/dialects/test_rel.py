@@ -166,7 +166,7 @@ BREAKS: dict[str, tuple[str, str, str]] = {
     "a storage holds matrices": (
         "rel.storage @g on @scene : tensor<1x1xf64>",
         "rel.storage @g on @scene : f64",
-        "g must be a matrix tensor<RxCxf64>, not f64",
+        "g must be a matrix tensor<RxCxf64> of 1 to 1048576 entries, not f64",
     ),
     "data is read with its type": (
         "rel.storage @m.k on @m : tensor<1x1xf64>",
@@ -177,6 +177,16 @@ BREAKS: dict[str, tuple[str, str, str]] = {
         "rel.data @m.k",
         "rel.data @m.j",
         "@m.p.stiffness names an attribute @m.j, which does not exist",
+    ),
+    "data is stored": (
+        "rel.data @m.k",
+        "rel.data @m.p.stiffness",
+        "@m.p.stiffness needs a stored attribute for rel.data, but @m.p.stiffness is rel.attribute",
+    ),
+    "a reference is computed": (
+        "rel.ref @m.p.stiffness",
+        "rel.ref @m.k",
+        "@m.p.energy needs a computed attribute for rel.ref, but @m.k is rel.storage",
     ),
     "data is of the lineage (other primitive)": (
         "rel.storage @m.k on @m ",

@@ -12,7 +12,7 @@ import pytest
 from numpy.typing import NDArray
 from xdsl.parser import Parser
 
-from yasps import Attribute, Mesh, Primitive, Scene, add_scene
+from yasps import Attribute, Mesh, NameTakenError, Primitive, Scene, SceneError, add_scene
 from yasps.passes.pipeline import PIPELINE, make_context
 
 Floats = NDArray[np.float64]
@@ -250,6 +250,52 @@ def test_environment_variable_dumps_every_compile(tmp_path: Path, monkeypatch: p
     assert_dump(tmp_path / "dumped")
     (x * 2.0).compute()
     assert_dump(tmp_path / "dumped" / "compute-1")
+
+
+def test_names_of_any_length_can_be_dumped(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def named(ending: str) -> Scene:
+        scene = Scene("s" * 300 + ending)
+        x = scene.add_mesh("m" * 300).add_primitive("v" * 300, 2).add_attribute("x" * 300, 1, 1, value=[1.0, 2.0])
+        assert x.owner is not None
+        for end in "ab":  # which differ where the names of files end
+            scene.add_energy(x.owner.add_attribute("e" * 300 + end, computed_attribute=x * x))
+        scene.add_minimize_target(x)
+        return scene
+
+    named("1").dump_ir(tmp_path / "ir")
+    assert_dump(tmp_path / "ir")
+    monkeypatch.setenv("YASPS_DUMP_IR", str(tmp_path / "all"))
+    for ending in "12":
+        named(ending).total_energy()
+    folders = list((tmp_path / "all").iterdir())
+    assert len(folders) == 2, "each scene has its own"
+    for folder in folders:
+        assert_dump(folder)
+
+
+@pytest.mark.parametrize("name", ["../x", "..", "a/b", "/etc/x", "a\0b", "", ".", "a b", "-x", "~"])
+def test_no_name_is_a_path(name: str) -> None:
+    with pytest.raises(NameTakenError):
+        Scene(name)
+    scene = Scene("s")
+    with pytest.raises(NameTakenError):
+        scene.add_mesh(name)
+    mesh = scene.add_mesh("m")
+    with pytest.raises(NameTakenError):
+        mesh.add_primitive(name, 1)
+    with pytest.raises(NameTakenError):
+        mesh.add_attribute(name, 1, 1)
+
+
+def test_what_can_be_no_folder_is_refused_before_anything_is_compiled(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    s, _, _ = springs("s", 10)
+    (tmp_path / "file").write_text("")
+    monkeypatch.setattr(s, "compile", None)
+    for folder in (tmp_path / "file", tmp_path / "file" / "ir", "a\0b", "x" * 300):
+        with pytest.raises(SceneError, match="the IR can't be written to"):
+            s.dump_ir(folder)
 
 
 def test_compile_report_lists_modules() -> None:

@@ -207,6 +207,34 @@ def test_nothing_is_added_after_close(tmp_path):
         series.write_frame(0.0, POINTS)
 
 
+def another_series(path):
+    with VtkHdfSeries(path.with_name("b.vtkhdf"), 5, CELLS) as series:
+        series.write_frame(0.0, POINTS)
+        series.write_frame(1.0, POINTS)
+    path.with_name("b.vtkhdf").replace(path)
+
+
+def no_series(path):
+    with h5py.File(path, "w") as file:
+        file["VTKHDF/Steps"] = np.zeros(3)
+
+
+def no_hdf5(path):
+    path.write_bytes(b"something else")
+
+
+@pytest.mark.parametrize("change", [another_series, no_series, no_hdf5, Path.unlink])
+def test_a_file_that_is_not_the_series_any_more_is_left_alone(tmp_path, change):
+    path = tmp_path / "a.vtkhdf"
+    series = VtkHdfSeries(path, 5, CELLS)
+    series.write_frame(0.0, POINTS)
+    change(path)
+    before = path.read_bytes() if path.exists() else None
+    with pytest.raises(OutputFileError, match="Frame 1"):
+        series.write_frame(1.0, POINTS)
+    assert (path.read_bytes() if path.exists() else None) == before
+
+
 @pytest.mark.parametrize("interrupted_at", range(9))
 def test_an_interrupt_at_any_write_leaves_whole_frames(tmp_path, monkeypatch, interrupted_at):
     path = tmp_path / "a.vtkhdf"

@@ -10,6 +10,7 @@ from pathlib import Path
 import pytest
 
 from yasps.runtime import toolchain
+from yasps.runtime.build_cache import put_text
 from yasps.runtime.library import runtime_sources
 from yasps.runtime.toolchain import (
     CacheFolderError,
@@ -142,7 +143,7 @@ def test_probes_run_once(cache: Path) -> None:
     assert len(answers) == 2
     assert find_compiler() == first
     # The cached answer is what counts from then on.
-    (cache / next(path.name for path in answers if "vector-math" in path.name)).write_text("no\n")
+    put_text(cache / next(path.name for path in answers if "vector-math" in path.name), "no\n")
     assert not find_compiler().has_vector_math
 
 
@@ -151,6 +152,12 @@ def test_a_probe_that_does_not_link_answers_no(compiler: Compiler, cache: Path) 
     assert not toolchain._probe(compiler, "failing", "int main() { return 1; }\n", ())
     assert toolchain._probe(compiler, "working", "int main() { return 0; }\n", ())
     assert len(list(cache.glob("probe-*.txt"))) == 3
+
+
+@pytest.mark.usefixtures("cache")
+def test_a_compiler_that_has_gone_is_reported(compiler: Compiler) -> None:
+    with pytest.raises(CompilationError, match=r"'one' did not compile.*\n.*/no/such/compiler cannot be started"):
+        compile_sources([ONE], replace(compiler, command=("/no/such/compiler",)))
 
 
 def test_cache_that_cannot_be_made(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, compiler: Compiler) -> None:
