@@ -186,7 +186,21 @@ class BarrierContact:
         geometry = self.geometry
         if self._kept is None or not geometry.covers(self._kept, start, end):
             self._kept = geometry.candidates(start, end, margin=MARGIN * geometry.activation_distance)
+        if self._is_short(start, end):
+            return 1.0, self._kept
         return geometry.step_bound(start, end, self._kept, start_is_free=True), self._kept
+
+    def _is_short(self, start: FloatArray, end: FloatArray) -> bool:
+        """Is the way so short that even two vertices that run towards each other keep a tenth of the smallest distance?
+
+        Then the step bound is 1, and no pair has to be looked at. Most ways near a minimum are.
+        """
+        if not np.array_equal(start, self._where):
+            return False
+        least = min(self.active.minimum_distance, self.geometry.activation_distance)
+        way = end - start
+        longest = float(np.sqrt(np.einsum("ij,ij->i", way, way).max(initial=0.0)))
+        return 0.0 < 2 * longest <= 0.9 * least
 
     def _apply(self, active: ActiveSet) -> None:
         for name, pairs in active.kinds().items():

@@ -107,9 +107,10 @@ def minimize(
     """Moves the scene's targets to a minimum of its energy, without intersections on the way.
 
     positions: 3x1 attributes whose movement is measured (and, with contact, bounded; they are contact.position then).
-    Stops when the Newton direction moves no vertex by settings.velocity_tolerance * time_step; that last direction is
-    not taken. Each step is bounded by CCD and halved until the energy does not grow (but for rounding), or made longer
-    where the energy shows that it is too short.
+    Each step is bounded by CCD and halved until the energy does not grow (but for rounding), or made longer where the
+    energy shows that it is too short. Stops when the Newton direction moves no vertex by settings.velocity_tolerance *
+    time_step; that last direction is still taken, in the same way, but where no step along it is found that is no
+    error.
 
     Raises NotConvergedError after settings.max_iterations, or when the linear solver or the line search fails; the
     targets then have the last accepted values.
@@ -162,10 +163,10 @@ class _Minimization:
             way = there - here
             longest = float(np.sqrt(np.einsum("ij,ij->i", way, way).max(initial=0.0)))
             report.largest_velocity = longest / self.time_step
-            if report.largest_velocity < settings.velocity_tolerance:
-                motion.write(motion.start)
+            is_last = report.largest_velocity < settings.velocity_tolerance
+            here, report.energy = _LineSearch(self, motion, directions, here, there).run(slope, is_last)
+            if is_last:
                 return report
-            here, report.energy = _LineSearch(self, motion, directions, here, there).run(slope)
             if report.iterations >= settings.max_iterations:
                 raise NotConvergedError(
                     f"no convergence in {settings.max_iterations} Newton iterations: the last direction still moved a "
@@ -206,9 +207,13 @@ class _LineSearch:
     candidates: Candidates | None = None
     now: FloatArray = field(default_factory=lambda: np.empty((0, 3)))
 
-    def run(self, slope: float) -> tuple[FloatArray, float]:
+    def run(self, slope: float, is_last: bool) -> tuple[FloatArray, float]:
         """Takes the longest step of 1, 1/2, 1/4, ... times the collision-free bound that does not raise the energy; or
-        a longer one than 1, see `go_further`. Returns positions and energy after it; raises NotConvergedError."""
+        a longer one than 1, see `go_further`. Returns positions and energy after it.
+
+        is_last: the direction is short enough to stop; where no step along it is found, nothing moves. For any other
+        direction that raises NotConvergedError.
+        """
         report, settings = self.newton.report, self.newton.settings
         start = report.energy
         step = self.free_step(1.0)
@@ -222,6 +227,8 @@ class _LineSearch:
             step /= 2
         self.motion.write(self.motion.start)
         self.newton.find_contacts(self.before)
+        if is_last:
+            return self.before, start
         raise NotConvergedError(
             f"Newton iteration {report.iterations}: no step along the Newton direction lowers the energy "
             f"{start:.6g} J (the direction moves a vertex at {report.largest_velocity:.3g} m/s); a smaller "
