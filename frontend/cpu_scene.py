@@ -182,5 +182,8 @@ class CpuScene(CompiledScene):
         parts = [self.static_matrix, self.dynamic_matrix]
         return self._solver.solve(parts, gradient, tolerance, max_iterations, solver=solver, with_history=history)
 
+    def placement_indices(self, term: Term) -> NDArray[np.int32]:
+        return self.placements[term.symbol].kappas
+
     def hessian_groups(self) -> list[BlockGroup]:
         return [*self.static_matrix.groups, *self.dynamic_matrix.groups]

@@ -267,5 +267,8 @@ class CudaScene(CompiledScene):
         x, report = self._solver.solve(parts, right, tolerance, max_iterations, with_history=history)
         return x.download(), report
 
+    def placement_indices(self, term: Term) -> NDArray[np.int32]:
+        return self._placements[term.symbol].kappas.download()
+
     def hessian_groups(self) -> list[BlockGroup]:
         return [*self.static_matrix.download_groups(), *self.dynamic_matrix.download_groups()]

@@ -16,7 +16,7 @@ from yasps.frontend.attribute import Attribute, FloatArray
 from yasps.frontend.collision_geometry import Candidates
 from yasps.frontend.contact import BarrierContact
 from yasps.frontend.errors import NotConvergedError, SceneError
-from yasps.frontend.newton_system import check_choices, solve_newton_system
+from yasps.frontend.newton_system import advice_on, check_choices, solve_newton_system
 from yasps.frontend.progress import TimeTable
 from yasps.frontend.scene import Scene
 
@@ -112,8 +112,10 @@ def minimize(
     time_step; that last direction is still taken, in the same way, but where no step along it is found that is no
     error.
 
-    Raises NotConvergedError after settings.max_iterations, or when the linear solver or the line search fails; the
-    targets then have the last accepted values.
+    Raises IntersectionError, before anything is changed, if positions were changed from outside since the last call
+    and something is in the way (see `BarrierContact.check_way`). Raises NotConvergedError after
+    settings.max_iterations, or when the linear solver or the line search fails; the targets then have the last accepted
+    values.
     """
     measured = [contact.position] if contact is not None else list(positions)
     return _Minimization(scene, measured, time_step, contact, settings, times or TimeTable()).run()
@@ -149,6 +151,8 @@ class _Minimization:
         """Newton iterations until the direction is short."""
         report, settings = self.report, self.settings
         here = self.positions()
+        if self.contact is not None:
+            self.contact.check_way(here)
         self.find_contacts(here)
         report.energy = self.energy()
         while True:
@@ -165,6 +169,8 @@ class _Minimization:
             report.largest_velocity = longest / self.time_step
             is_last = report.largest_velocity < settings.velocity_tolerance
             here, report.energy = _LineSearch(self, motion, directions, here, there).run(slope, is_last)
+            if self.contact is not None:
+                self.contact.accept(here)
             if is_last:
                 return report
             if report.iterations >= settings.max_iterations:
@@ -172,6 +178,12 @@ class _Minimization:
                     f"no convergence in {settings.max_iterations} Newton iterations: the last direction still moved a "
                     f"vertex at {report.largest_velocity:.3g} m/s (tolerance {settings.velocity_tolerance:.3g})"
                 )
+
+    def _least_distance(self) -> str:
+        if self.contact is None or len(self.contact.active) == 0:
+            return ""
+        least, reach = self.contact.active.minimum_distance, self.contact.geometry.activation_distance
+        return f" The smallest distance in contact is {least:.3g} m, the activation distance {reach:.3g} m."
 
     def direction(self) -> tuple[list[FloatArray], float]:
         """x of H x = g for every target, and how fast the energy falls along -x at first, g . x."""
@@ -190,7 +202,11 @@ class _Minimization:
         self.report.direct_solves += solved.direct
         self.report.iterations += 1
         if not solved.converged:
-            raise NotConvergedError(f"Newton iteration {self.report.iterations}: the linear solver stopped: {solved}")
+            raise NotConvergedError(
+                f"Newton iteration {self.report.iterations}: the linear solver stopped: {solved}. "
+                + advice_on(solved, compiled, "linear_")
+                + self._least_distance()
+            )
         return compiled.split(solution.x), solution.slope
 
 
@@ -327,8 +343,15 @@ class BackwardEuler:
         self._target_velocities = [np.zeros_like(target.value) for target in scene.minimize_targets]
 
     def step(self) -> NewtonReport:
-        """One time step. Raises NotConvergedError; the targets then have the last accepted values."""
+        """One time step.
+
+        Raises IntersectionError, before anything is changed, if positions were changed from outside since the last step
+        and something is in the way; after a deliberate jump, call contact.reset(). Raises NotConvergedError; the
+        targets then have the last accepted values.
+        """
         dt = self.time_step
+        if self.contact is not None:
+            self.contact.check_way()
         old_targets = Motion(self.scene).start
         old_positions = [positions_of([part.position]) for part in self.parts]
         for part, x, v in zip(self.parts, old_positions, self.velocities, strict=True):
@@ -372,6 +395,8 @@ class BackwardEuler:
                     self.contact.update(after, candidates)
             if not (free and self.scene.total_energy() < energy):
                 motion.write(old_targets)
+            elif self.contact is not None:
+                self.contact.accept(after)
 
     def kinetic_energy(self) -> float:
         """Sum of m v^2 / 2 over all parts [J]."""
