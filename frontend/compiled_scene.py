@@ -303,8 +303,8 @@ class CompiledScene(ABC):
     def _not_finite(self, term: Term, instance: int) -> NotFiniteError:
         return NotFiniteError(
             f"the derivatives of energy {term.symbol} are not finite on instance {instance}"
-            f"{_connected(term.owner, instance)}; look at its inputs there (inverted element, distance 0, overflow?). It was "
-            f"made at {term.where}"
+            f"{_connected(term.owner, instance)}; look at its inputs there (inverted element, distance 0, overflow?). "
+            f"It was made at {term.where}"
         )
 
     def place_of(self, unknown: int) -> str:

@@ -1,4 +1,8 @@
-"""Scenes of bodies that touch, soft or affine, all of one structure each, so that they compile once."""
+"""Scenes of bodies that touch, soft and affine.
+
+They all have the structure of the example `two_bunnies`, down to the names, so that code that was compiled for any of
+them serves all others: it depends neither on the shapes nor on how many there are.
+"""
 
 from __future__ import annotations
 
@@ -9,42 +13,59 @@ import ipctk
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from yasps import Attribute, Primitive, Scene
+from yasps import Attribute, Scene
 from yasps.frontend import materials
 from yasps.frontend.contact import BarrierContact
+from yasps.frontend.mesh import Mesh
 from yasps.frontend.newton import BackwardEuler, MovingPart, NewtonSettings
+from yasps.frontend.primitive import Primitive
 from yasps.frontend.shapes import TriangleMesh
 from yasps.frontend.tetrahedral_mesh import TetrahedralMesh
 
 Floats = NDArray[np.float64]
-KINDS = ("soft", "affine")
 STEP = 0.01  # s
+GRAVITY = 9.8  # m/s^2
+YOUNGS_MODULUS = {"soft": 1e5, "affine": 1e7}  # Pa
+KINDS = tuple(YOUNGS_MODULUS)
+GRAIN = TetrahedralMesh(
+    0.01 * np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]]) + 100.0, np.array([[0, 1, 2, 3]])
+)
+"""Falls freely, far away, where a scene has no body of a kind; so light that it does not count."""
+DEFAULT = NewtonSettings()
 
 
 @dataclass(frozen=True)
 class Body:
-    """One body: its shape where it starts, velocity [m/s], density [kg/m^3]."""
+    """One body: its shape at rest, velocity [m/s], density [kg/m^3]; where its vertices start, if not at rest."""
 
     shape: TetrahedralMesh
     velocity: tuple[float, float, float] = (0.0, 0.0, 0.0)
     density: float = 1000.0
+    start: Floats | None = None
+
+    def positions(self) -> Floats:
+        return self.shape.vertices if self.start is None else self.start
 
 
 @dataclass(frozen=True)
 class ContactScene:
-    """Bodies and what stands still, with a stepper."""
+    """Bodies of one kind and what stands still, with a stepper."""
 
     scene: Scene
     stepper: BackwardEuler
     contact: BarrierContact
+    moving: Attribute
+    """Positions of the bodies' vertices."""
     still: Attribute
     """Positions of what stands still."""
     triangles: NDArray[np.int32]
-    masses: Floats
+    part: int
+    """Which of the stepper's parts the bodies are."""
 
     def mean_velocity(self) -> Floats:
-        """Momentum over mass, [3]."""
-        return self.stepper.momentum() / self.masses.sum()
+        """Momentum over mass of the bodies, [3]."""
+        mass: Floats = self.stepper.parts[self.part].mass.value
+        return np.asarray(mass @ self.stepper.velocities[self.part] / mass.sum())
 
     def intersects(self) -> bool:
         """Whether surfaces cross or touch, as ipctk sees it."""
@@ -61,113 +82,119 @@ def contact_scene(
     *,
     distance: float = 1e-3,
     force: float = 10.0,
-    gravity: ArrayLike = (0.0, 0.0, -9.8),
-    youngs_modulus: float = 1e5,
-    settings: NewtonSettings = NewtonSettings(),
-    rest: ArrayLike | None = None,
+    youngs_modulus: float | None = None,
+    settings: NewtonSettings = DEFAULT,
+    rest_positions: ArrayLike | None = None,
 ) -> ContactScene:
-    """Builds the scene. All numbers that differ between scenes are constants of it, and none is in a formula.
+    """Builds a scene of soft or affine bodies above obstacles.
 
-    distance: of activation [m]; force: scale of a pair's force [N]. rest: positions of all vertices at rest, for
-    contact. settings: by default the stepper's own defaults.
+    distance: of activation [m]; force: scale of a pair's force [N]. rest_positions: of contact.
     """
-    scene = Scene(kind)
-    mesh = scene.add_mesh("bodies")
-    mesh.add_constant("step", 1, 1, value=STEP)
-    mesh.add_constant("acceleration", 3, 1, value=gravity)
-    shapes = [body.shape for body in bodies]
-    masses = np.concatenate([body.shape.vertex_masses(body.density) for body in bodies])
-    owner = np.repeat(np.arange(len(shapes)), [len(shape.vertices) for shape in shapes])
-    vertices = mesh.add_primitive("vertices", len(owner))
-    add = _add_soft if kind == "soft" else _add_affine
-    position, falling = add(vertices, shapes, owner, youngs_modulus)
-    part = _add_weight_and_inertia(vertices, position, masses, np.concatenate([shape.vertices for shape in shapes]))
-
+    scene = Scene("two_bunnies")
+    spare = [Body(GRAIN)]
+    soft, stiff = (bodies, spare) if kind == "soft" else (spare, bodies)
+    modulus = YOUNGS_MODULUS | ({} if youngs_modulus is None else {kind: youngs_modulus})
+    soft_part = _add_soft(scene.add_mesh("soft"), soft, modulus["soft"])
+    stiff_part, translation = _add_stiff(scene.add_mesh("stiff"), stiff, modulus["affine"])
     points = np.concatenate([obstacle.vertices for obstacle in obstacles])
-    still = scene.add_mesh("obstacles").add_primitive("vertices", len(points))
-    still.add_constant("position", 3, 1, value=points)
+    still = scene.add_mesh("ground").add_primitive("vertices", num_instances=len(points))
+    still.add_constant("position", rows=3, cols=1, value=points)
+
     everything = scene.add_mesh("everything")
-    union = everything.add_primitive_union("vertices", [vertices, still])
+    union = everything.add_primitive_union("vertices", [scene.soft.vertices, scene.stiff.vertices, still])
     union.add_attribute("position")
-    starts = np.cumsum([0, *(len(part.vertices) for part in (*shapes, *obstacles))]).tolist()
-    faces = [shape.surface_triangles() for shape in shapes] + [obstacle.triangles for obstacle in obstacles]
+    shapes = [body.shape for body in (*soft, *stiff)]
+    counts = [len(shape.vertices) for shape in (*shapes, *obstacles)]
+    starts = np.cumsum([0, *counts]).tolist()
+    faces = [*(shape.surface_triangles() for shape in shapes), *(obstacle.triangles for obstacle in obstacles)]
     triangles = np.concatenate([part + start for part, start in zip(faces, starts, strict=False)]).astype(np.int32)
-    group = np.full(union.num_instances, -1)
-    if kind == "affine":
-        group[: len(owner)] = owner
-    names = [f"body {k}" for k in range(len(shapes))] + [f"obstacle {k}" for k in range(len(obstacles))]
+    owner = np.repeat(np.arange(len(counts)), counts)
+    is_fixed = owner >= len(shapes)
+    names = [f"{word} {k}" for word, group in (("soft", soft), ("stiff", stiff)) for k in range(len(group))]
+    names += [f"obstacle {k}" for k in range(len(obstacles))]
     contact = BarrierContact(
         everything,
         union,
         triangles,
         activation_distance=distance,
         stiffness=force / distance**3,
-        fixed=np.arange(union.num_instances) >= len(owner),
-        group=group,
-        objects=dict(zip(names, np.diff(starts).tolist(), strict=True)),
-        **({} if rest is None else {"rest_positions": rest}),
+        rest_positions=rest_positions,
+        fixed=is_fixed,
+        group=np.where((owner >= len(soft)) & ~is_fixed, owner, -1),
+        objects=dict(zip(names, counts, strict=True)),
     )
-    stepper = BackwardEuler(scene, [part], STEP, contact, accelerations={falling: gravity}, settings=settings)
-    stepper.velocities[0][:] = np.array([body.velocity for body in bodies])[owner]
-    return ContactScene(scene, stepper, contact, still["position"], triangles, masses)
+    scene.add_minimize_target([soft_part.position, scene.stiff.body["affine_matrix"], translation])
+    falling = (0.0, 0.0, -GRAVITY)
+    stepper = BackwardEuler(
+        scene,
+        [soft_part, stiff_part],
+        STEP,
+        contact,
+        accelerations={soft_part.position: falling, translation: falling},
+        settings=settings,
+    )
+    for velocities, group in zip(stepper.velocities, (soft, stiff), strict=True):
+        velocities[:] = np.repeat([body.velocity for body in group], [len(b.shape.vertices) for b in group], axis=0)
+    part = KINDS.index(kind)
+    return ContactScene(scene, stepper, contact, stepper.parts[part].position, still["position"], triangles, part)
 
 
-def _add_soft(
-    vertices: Primitive, shapes: Sequence[TetrahedralMesh], owner: NDArray[np.int_], youngs_modulus: float
-) -> tuple[Attribute, Attribute]:
-    """Free vertices and stable Neo-Hookean tetrahedra; the positions, and the target that falls freely."""
-    mesh = vertices.mesh
-    points = np.concatenate([shape.vertices for shape in shapes])
-    starts = np.searchsorted(owner, np.arange(len(shapes)))
-    corners = np.concatenate([shape.tets + start for shape, start in zip(shapes, starts, strict=True)])
-    position = vertices.add_attribute("position", 3, 1, value=points)
-    tets = mesh.add_primitive("tets", len(corners))
-    x = tets.add_attribute(
-        "positions", through=tets.add_connectivity("corners", vertices, corners, 4), source=position
-    )
-    inverse, volume = materials.rest_shape(points, corners)
-    f = materials.deformation_gradient(x, tets.add_constant("inverse", 3, 3, value=inverse))
+def _add_soft(mesh: Mesh, bodies: Sequence[Body], youngs_modulus: float) -> MovingPart:
+    """Free vertices; stable Neo-Hookean tets, inertia and gravity."""
+    counts = [len(body.shape.vertices) for body in bodies]
+    rest = np.concatenate([body.shape.vertices for body in bodies])
+    start = np.concatenate([body.positions() for body in bodies])
+    starts = np.cumsum([0, *counts])
+    corner_ids = np.concatenate([body.shape.tets + first for body, first in zip(bodies, starts, strict=False)])
+    vertices = mesh.add_primitive("vertices", num_instances=len(rest))
+    position = vertices.add_attribute("position", rows=3, cols=1, value=start)
+    part = _add_weight_and_inertia(vertices, position, bodies)
+    tets = mesh.add_primitive("tets", num_instances=len(corner_ids))
+    corners = tets.add_connectivity("corners", vertices, corner_ids, 4)
+    inverse, volume = materials.rest_shape(rest, corner_ids)
+    positions = tets.add_attribute("positions", through=corners, source=position)
+    rest_edges_inverse = tets.add_constant("rest_edges_inverse", rows=3, cols=3, value=inverse)
+    rest_volume = tets.add_constant("rest_volume", rows=1, cols=1, value=volume)
     mu, lam = materials.stable_neo_hookean_parameters(youngs_modulus, 0.4)
     elastic = materials.stable_neo_hookean(
-        f,
-        mesh.add_constant("mu", 1, 1, value=mu),
-        mesh.add_constant("lambda", 1, 1, value=lam),
-        tets.add_constant("volume", 1, 1, value=volume),
+        materials.deformation_gradient(positions, rest_edges_inverse),
+        mesh.add_constant("mu", rows=1, cols=1, value=mu),
+        mesh.add_constant("lambda", rows=1, cols=1, value=lam),
+        rest_volume,
     )
-    mesh.scene.add_energy(tets.add_attribute("elastic", computed_attribute=elastic))
-    mesh.scene.add_minimize_target(position)
-    return position, position
+    mesh.scene.add_energy(tets.add_attribute("stable_neo_hookean", computed_attribute=elastic))
+    return part
 
 
-def _add_affine(
-    vertices: Primitive, shapes: Sequence[TetrahedralMesh], owner: NDArray[np.int_], youngs_modulus: float
-) -> tuple[Attribute, Attribute]:
-    """One affine body for each shape, 100 times as stiff; the positions, and the target that falls freely."""
-    mesh = vertices.mesh
-    centers = np.array([shape.vertices.mean(axis=0) for shape in shapes])
-    points = np.concatenate([shape.vertices for shape in shapes])
-    body = mesh.add_primitive("body", len(shapes))
-    matrix = body.add_attribute("matrix", 3, 3, value=np.tile(np.eye(3), (len(shapes), 1, 1)))
-    translation = body.add_attribute("translation", 3, 1, value=centers)
-    volumes = np.array([shape.volumes().sum() for shape in shapes])
-    stiffness = body.add_constant("stiffness", 1, 1, value=100 * youngs_modulus * volumes)
+def _add_stiff(mesh: Mesh, bodies: Sequence[Body], youngs_modulus: float) -> tuple[MovingPart, Attribute]:
+    """One affine body for each shape: every vertex is A r + t. Returns the translations, too."""
+    counts = [len(body.shape.vertices) for body in bodies]
+    owner = np.repeat(np.arange(len(bodies)), counts)
+    centers = np.array([body.shape.vertices.mean(axis=0) for body in bodies])
+    points = np.concatenate([body.shape.vertices for body in bodies])
+    body = mesh.add_primitive("body", num_instances=len(bodies))
+    matrix = body.add_attribute("affine_matrix", rows=3, cols=3, value=np.tile(np.eye(3), (len(bodies), 1, 1)))
+    translation = body.add_attribute("translation", rows=3, cols=1, value=centers)
+    volumes = np.array([one.shape.volumes().sum() for one in bodies])
+    stiffness = body.add_constant("stiffness", 1, 1, value=youngs_modulus * volumes)
     energy = materials.affine_orthogonality(matrix, stiffness)
     mesh.scene.add_energy(body.add_attribute("orthogonality", computed_attribute=energy))
+    vertices = mesh.add_primitive("vertices", num_instances=len(points))
     of_body = vertices.add_connectivity("of_body", body, owner, 1)
-    rest = vertices.add_constant("rest", 3, 1, value=points - centers[owner])
-    own_matrix = vertices.add_attribute("matrix", through=of_body, source=matrix).reshape(3, 3)
+    rest = vertices.add_constant("rest_position", rows=3, cols=1, value=points - centers[owner])
+    own_matrix = vertices.add_attribute("affine_matrix", through=of_body, source=matrix).reshape(3, 3)
     own_translation = vertices.add_attribute("translation", through=of_body, source=translation).reshape(3, 1)
     position = vertices.add_attribute("position", computed_attribute=own_matrix * rest + own_translation)
-    mesh.scene.add_minimize_target([matrix, translation])
-    return position, translation
+    return _add_weight_and_inertia(vertices, position, bodies), translation
 
 
-def _add_weight_and_inertia(vertices: Primitive, position: Attribute, masses: Floats, start: Floats) -> MovingPart:
-    mesh = vertices.mesh
-    mass = vertices.add_constant("mass", 1, 1, value=masses)
-    predicted = vertices.add_constant("predicted", 3, 1, value=start)
-    weight = -(mass * position.dot(mesh["acceleration"]))
-    inertia = materials.inertia(position, predicted, mass, mesh["step"])
-    mesh.scene.add_energy(vertices.add_attribute("weight", computed_attribute=weight))
-    mesh.scene.add_energy(vertices.add_attribute("inertia", computed_attribute=inertia))
+def _add_weight_and_inertia(vertices: Primitive, position: Attribute, bodies: Sequence[Body]) -> MovingPart:
+    start = np.concatenate([body.positions() for body in bodies])
+    masses = np.concatenate([body.shape.vertex_masses(body.density) for body in bodies])
+    predicted = vertices.add_constant("predicted", rows=3, cols=1, value=start)
+    mass = vertices.add_constant("mass", rows=1, cols=1, value=masses)
+    weight = materials.gravity(position, mass, (0.0, 0.0, -GRAVITY))
+    inertia = materials.inertia(position, predicted, mass, STEP)
+    vertices.scene.add_energy(vertices.add_attribute("gravity", computed_attribute=weight))
+    vertices.scene.add_energy(vertices.add_attribute("inertia", computed_attribute=inertia))
     return MovingPart(position, predicted, mass)
