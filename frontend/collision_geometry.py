@@ -20,18 +20,22 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from yasps.frontend.active_set import ActiveSet, Floats, Ids, active_set_of
-from yasps.frontend.arrays import plain_array, positive_number, real_numbers
-from yasps.frontend.errors import YaspsError
+from yasps.frontend.arrays import positive_number, real_numbers
+from yasps.frontend.errors import DataError, IntersectionError, SceneError
+from yasps.frontend.surface_arguments import (
+    checked_ids,
+    checked_length,
+    checked_points,
+    first_not_finite,
+    labels_of_filter,
+    ranges_of_objects,
+)
 from yasps.runtime.library import Runtime, load_runtime
 from yasps.runtime.surface_pairs import Surface, SurfacePairs
 from yasps.runtime.toolchain import find_compiler
 from yasps.runtime.uncopied import Uncopied
 
 _ROUNDING = 8 * float(np.finfo(np.float64).eps)
-
-
-class IntersectionError(YaspsError, ValueError):
-    """Surfaces cross or touch where they must be apart."""
 
 
 @dataclass(frozen=True)
@@ -68,23 +72,24 @@ class CollisionGeometry(Uncopied):
     ) -> None:
         """Take the scene's surface.
 
-        `rest_positions` [n, 3]: all vertices; those in no triangle and no edge (the inside of tetrahedral
-        meshes) take no part. `triangles` [m, 3]: ids. `activation_distance` > 0: pairs closer than this are
-        active. `edges` [k, 2]: further edges of rods and curves. `fixed` [n] bool: vertices that never move;
-        no pair of only fixed vertices is reported. `group` [n] int: no pair inside one group is reported;
-        negative means no group. `objects`: name -> number of vertices, in the order of the union, for
-        messages. `runtime`: loaded if not given. Raises ValueError for wrong shapes or ids, and for a group that
-        holds both fixed and free vertices.
+        `rest_positions` [n, 3]: all vertices, where edges have their lengths at rest; these say from when on two
+        edges count as parallel. `triangles` [m, 3]: ids. `activation_distance` > 0: pairs closer than this are
+        active. `edges` [k, 2]: further edges, of rods and curves; their ends meet triangles, and they meet all
+        edges. `fixed` [n] bool: vertices that no energy moves; no pair of only fixed vertices is reported. `group`
+        [n] int: no pair inside one group is reported; negative means no group. `objects`: name -> number of
+        vertices, in the order of the union, for messages. `runtime`: loaded if not given.
+
+        Vertices in no triangle and no edge take no part: the inside of tetrahedral meshes, but also loose points,
+        which would go through everything. `taking_part` says which do.
+
+        Raises DataError, ConnectivityError for ids, SceneError for a group that holds both fixed and free vertices.
         """
-        rest = real_numbers(rest_positions, "rest_positions", finite=False).copy()
-        if rest.ndim != 2 or rest.shape[1:] != (3,):
-            raise ValueError(f"rest_positions must have shape [n, 3], got {list(rest.shape)}")
+        rest = checked_points(rest_positions, "rest_positions").copy()
         self.vertex_count = len(rest)
-        _check_finite(rest, "rest_positions")
         self.activation_distance = positive_number(activation_distance, "activation_distance", "m")
-        self._objects = _object_ranges(objects, self.vertex_count)
-        faces = _element_ids(triangles, 3, self.vertex_count, "triangles")
-        lines = _element_ids(np.empty((0, 2)) if edges is None else edges, 2, self.vertex_count, "edges")
+        self._objects = ranges_of_objects(objects, self.vertex_count)
+        faces = checked_ids(triangles, 3, self.vertex_count, "triangles")
+        lines = checked_ids(np.empty((0, 2)) if edges is None else edges, 2, self.vertex_count, "edges")
 
         # The collision mesh numbers only the vertices that take part; `_full_id` leads back.
         full_id, local = np.unique(np.concatenate([faces.ravel(), lines.ravel()]), return_inverse=True)
@@ -95,10 +100,12 @@ class CollisionGeometry(Uncopied):
         all_edges = np.concatenate([sides, local[faces.size :].reshape(-1, 2)])
         self._edges = np.asfortranarray(np.unique(np.sort(all_edges, axis=1), axis=0))
         self._mesh = ipctk.CollisionMesh(np.asfortranarray(rest[full_id]), self._edges, self._faces)
-        labels = _filter_labels(fixed, group, self.vertex_count)
+        labels = labels_of_filter(fixed, group, self.vertex_count)
         if labels is not None:
             self._mesh.can_collide = ipctk.make_vertex_patches_filter(labels[full_id])
         self._rest = rest
+        self.taking_part = np.zeros(self.vertex_count, np.bool_)
+        self.taking_part[self._full_id] = True
         self._surface = Surface(
             runtime or load_runtime(find_compiler()),
             self._full_id,
@@ -112,7 +119,7 @@ class CollisionGeometry(Uncopied):
     def has_intersections(self, positions: ArrayLike) -> bool:
         """Whether any edge meets any triangle at `positions` [n, 3] (touching counts).
 
-        A surface wholly inside another crosses nothing and is not noticed. Raises ValueError for a wrong
+        A surface wholly inside another crosses nothing and is not noticed. Raises DataError for a wrong
         shape or values that are not finite.
         """
         return self._crosses(self._of_mesh(self._checked(positions, "positions")))
@@ -139,11 +146,10 @@ class CollisionGeometry(Uncopied):
         """
         first = self._checked(start, "start").copy()
         last = first if end is None else self._checked(end, "end").copy()
-        reach = self.activation_distance if distance is None else float(distance)
-        if not (np.isfinite(reach) and reach >= 0):
-            raise ValueError(f"distance must be a length >= 0, got {distance}")
-        if not (np.isfinite(margin) and margin >= 0):
-            raise ValueError(f"margin must be a length >= 0, got {margin}")
+        reach = self.activation_distance
+        if distance is not None:
+            reach = checked_length(distance, "distance")
+        margin = checked_length(margin, "margin")
         # Positions that rounding of start + step * (end - start) puts just beside the way belong to it.
         size = max(np.abs(first).max(initial=0.0), np.abs(last).max(initial=0.0))
         allowed = margin + 1e-6 * reach + _ROUNDING * size
@@ -163,18 +169,18 @@ class CollisionGeometry(Uncopied):
 
         The set, and which field a pair is in, belongs to these positions: build it anew for every trial step.
 
-        Raises ValueError if positions leave the motion that `candidates` was made for, or if its `distance`
+        Raises SceneError if positions leave the motion that `candidates` was made for, or if its `distance`
         is smaller than the activation distance.
         """
         if candidates is None:
             candidates = self.candidates(positions)
         if candidates.distance < self.activation_distance:
-            raise ValueError(
+            raise SceneError(
                 f"candidates were made for distance {candidates.distance:g}, but the active set needs the"
                 f" activation distance {self.activation_distance:g}: leave it out in candidates()"
             )
         there = self._on_way(positions, "positions", candidates)
-        return self._closer_than(self.activation_distance, there, candidates)
+        return self._distances(self.activation_distance, there, candidates.pairs)
 
     # --- continuous collision detection ---
 
@@ -200,22 +206,80 @@ class CollisionGeometry(Uncopied):
         last = self._on_way(end, "end", candidates)
         if not start_is_free:
             self._require_no_crossing(self._of_mesh(first), "start")
-        touching = _ROUNDING * float(np.abs(first).max(initial=1e-300))
-        step = self._surface.step_bound(first, last, touching, candidates.pairs)
-        if step is None:
-            self._raise_touching(self._closer_than(2 * touching, first, candidates))
-        return step
+        return self._bound(first, last, candidates.pairs)
+
+    def check_way(self, start: ArrayLike, end: ArrayLike) -> None:
+        """Raise IntersectionError, naming a pair that meets, if surfaces do on the straight way from `start` to `end`
+        [n, 3].
+
+        Surfaces may come as near each other as a thousandth of the activation distance, or half their smallest distance
+        at `start` where that is less. `start` must be free of intersections.
+        """
+        first, last = self._checked(start, "start"), self._checked(end, "end")
+        here, done, allowed = first, 0.0, 1e-3 * self.activation_distance
+        while True:
+            pairs = self.candidates(here, last, distance=0.0).pairs
+            step = self._bound(here, last, pairs)
+            if step == 1.0:
+                return
+            allowed = min(allowed, 0.5 * self._distance(here, pairs)) if done == 0.0 else allowed
+            # The bound leaves a tenth of the distance: that need not be a collision. It is looked at again from there.
+            reached = done + step * (1.0 - done)
+            here = here + step * (last - here)
+            if self._distance(here, pairs) <= allowed or reached == done:
+                break
+            done = reached
+        nearest = self._nearest(here, pairs)
+        if len(nearest.edge_edge) > 0:
+            ends = nearest.edge_edge[0].tolist()
+            what = f"edge ({self._names(ends[:2])}) and edge ({self._names(ends[2:])})"
+        else:
+            vertex, *corners = nearest.vertex_triangle[0].tolist()
+            what = f"{self._name(vertex)} and triangle ({self._names(corners)})"
+        raise IntersectionError(
+            f"{what} collide at {reached:.3f} of the straight way; they are {self._distance(first, nearest):.3g} apart"
+            f" at its start, and nearer than {allowed:.3g} counts as a collision"
+        )
 
     # --- helpers ---
+
+    def _bound(self, start: Floats, end: Floats, pairs: SurfacePairs) -> float:
+        touching = _ROUNDING * float(np.abs(start).max(initial=1e-300))
+        step = self._surface.step_bound(start, end, touching, pairs)
+        if step is None:
+            self._raise_touching(self._distances(2 * touching, start, pairs))
+        return step
+
+    def _nearest(self, positions: Floats, pairs: SurfacePairs) -> SurfacePairs:
+        """The nearest of the pairs, by bisection."""
+        by_kind = {kind: _only(pairs, kind) for kind in ("edge_edge", "vertex_triangle")}
+        kind = min(by_kind, key=lambda name: self._distance(positions, by_kind[name]))
+        least = self._distance(positions, by_kind[kind])
+        low, high = 0, len(by_kind[kind])
+        while high - low > 1:
+            middle = (low + high) // 2
+            if self._distance(positions, _only(pairs, kind, low, middle)) == least:
+                high = middle
+            else:
+                low = middle
+        return _only(pairs, kind, low, high)
+
+    def _distance(self, positions: Floats, pairs: SurfacePairs) -> float:
+        return self._distances(np.inf, positions, pairs).minimum_distance
 
     def _checked(self, positions: ArrayLike, name: str) -> Floats:
         full = real_numbers(positions, name, finite=False)
         if full.shape != (self.vertex_count, 3):
-            raise ValueError(
+            raise DataError(
                 f"{name} must have shape [{self.vertex_count}, 3], one row per vertex of the scene,"
                 f" got {list(full.shape)}"
             )
-        _check_finite(full, name)
+        if not np.isfinite(full).all():
+            count, first = first_not_finite(full)
+            raise DataError(
+                f"{name}: {count} vertices are NaN or infinite, first {self._name(first)}; the previous step has gone"
+                " wrong"
+            )
         return full
 
     def _of_mesh(self, positions: Floats) -> Floats:
@@ -224,21 +288,22 @@ class CollisionGeometry(Uncopied):
     def _off_way(self, positions: Floats, candidates: Candidates) -> float:
         """By how much positions leave what candidates were made for; at most 0 if they do not."""
         if candidates.surface is not self._surface:
-            raise ValueError("candidates belong to another CollisionGeometry")
+            raise SceneError("candidates belong to another CollisionGeometry: make them with this one's candidates()")
         return self._surface.distance_to_way(candidates.start, candidates.end, positions) - candidates.margin
 
     def _on_way(self, positions: ArrayLike, name: str, candidates: Candidates) -> Floats:
         full = self._checked(positions, name)
         off = self._off_way(full, candidates)
         if off > 0:
-            raise ValueError(
+            raise SceneError(
                 f"{name}: a vertex is {off:.3g} outside the motion that the candidates were made for; call"
                 " candidates(start, end) anew with these positions in between"
             )
         return full
 
-    def _closer_than(self, distance: float, positions: Floats, candidates: Candidates) -> ActiveSet:
-        return active_set_of(*self._surface.close_pairs(positions, self._rest, distance, candidates.pairs))
+    def _distances(self, reach: float, positions: Floats, pairs: SurfacePairs) -> ActiveSet:
+        """Those of the pairs that are closer than `reach`."""
+        return active_set_of(*self._surface.close_pairs(positions, self._rest, reach, pairs))
 
     def _crosses(self, surface: Floats) -> bool:
         return bool(ipctk.has_intersections(self._mesh, surface, ipctk.LBVH()))
@@ -276,6 +341,7 @@ class CollisionGeometry(Uncopied):
         )
 
     def _name(self, vertex: int) -> str:
+        """The object that a vertex belongs to, and its number there, for messages."""
         for name, first, end in self._objects:
             if first <= vertex < end:
                 return f"vertex {vertex - first} of '{name}'"
@@ -285,65 +351,8 @@ class CollisionGeometry(Uncopied):
         return ", ".join(self._name(vertex) for vertex in vertices)
 
 
-def _check_finite(positions: Floats, name: str) -> None:
-    if not np.isfinite(positions).all():
-        bad = ~np.isfinite(positions).all(axis=1)
-        raise ValueError(
-            f"{name}: {int(bad.sum())} vertices are NaN or infinite, first vertex {int(np.argmax(bad))};"
-            " the previous step has gone wrong"
-        )
-
-
-def _element_ids(elements: ArrayLike, arity: int, vertex_count: int, name: str) -> Ids:
-    """Checked [m, arity] vertex ids."""
-    ids = plain_array(elements, name)
-    if ids.size == 0:
-        return np.empty((0, arity), np.int32)
-    if ids.ndim != 2 or ids.shape[1] != arity:
-        raise ValueError(f"{name} must have shape [m, {arity}], got {list(ids.shape)}")
-    if not np.issubdtype(ids.dtype, np.integer):
-        raise ValueError(f"{name} must hold integer vertex ids, got {ids.dtype}")
-    if ids.min() < 0 or ids.max() >= vertex_count:
-        raise ValueError(f"{name} must hold ids from 0 to {vertex_count - 1}, got {ids.min()} to {ids.max()}")
-    ordered = np.sort(ids, axis=1)
-    twice = (ordered[:, 1:] == ordered[:, :-1]).any(axis=1)
-    if twice.any():
-        row = int(np.argmax(twice))
-        raise ValueError(f"{name}: row {row} names a vertex twice: {ids[row].tolist()}")
-    return ids.astype(np.int32)
-
-
-def _filter_labels(fixed: ArrayLike | None, group: ArrayLike | None, vertex_count: int) -> Ids | None:
-    """One label per vertex such that exactly the pairs of equal labels are left out; None if no pair is."""
-    if fixed is None and group is None:
-        return None
-    labels = np.full(vertex_count, -1) if group is None else plain_array(group, "group")
-    still = np.zeros(vertex_count, np.bool_) if fixed is None else plain_array(fixed, "fixed")
-    if labels.shape != (vertex_count,) or not np.issubdtype(labels.dtype, np.integer):
-        raise ValueError(f"group must be integers [{vertex_count}], got {labels.dtype} {list(labels.shape)}")
-    if still.shape != (vertex_count,) or still.dtype != np.bool_:
-        raise ValueError(f"fixed must be bool [{vertex_count}], got {still.dtype} {list(still.shape)}")
-    mixed = np.intersect1d(labels[still & (labels >= 0)], labels[~still])
-    if len(mixed) > 0:
-        raise ValueError(
-            f"group {mixed[0]} holds both fixed and free vertices, and ipctk's filter takes one label per"
-            " vertex: give the fixed ones group -1 (they then can collide with the rest of the group)"
-        )
-    # Small labels: one for the fixed vertices, one per group, then one for each remaining vertex by itself.
-    alone = ~still & (labels < 0)
-    _, packed = np.unique(np.where(still, -1, labels), return_inverse=True)
-    packed[alone] = packed.max(initial=0) + 1 + np.arange(int(alone.sum()))
-    return packed.astype(np.int32)
-
-
-def _object_ranges(objects: Mapping[str, int] | None, vertex_count: int) -> list[tuple[str, int, int]]:
-    """(name, first vertex, one past the last) of each object."""
-    if objects is None:
-        return []
-    ends = np.cumsum(list(objects.values())).tolist()
-    if ends[-1:] != [vertex_count]:
-        raise ValueError(
-            f"objects must list the vertex counts of all meshes in the order of the union, which sum to"
-            f" {vertex_count}; got {dict(objects)}"
-        )
-    return list(zip(objects, [0, *ends[:-1]], ends, strict=True))
+def _only(pairs: SurfacePairs, kind: str, first: int = 0, end: int | None = None) -> SurfacePairs:
+    """Pairs of one kind, "edge_edge" or "vertex_triangle", from the first up to the end."""
+    none = np.empty((0, 4), np.int32)
+    chosen = np.ascontiguousarray(getattr(pairs, kind)[first:end])
+    return SurfacePairs(chosen, none) if kind == "edge_edge" else SurfacePairs(none, chosen)

@@ -170,6 +170,11 @@ class CompiledScene(InScene, ABC):
         """x of H x = gradient for the assembled Hessian by "pcg", "direct" or "auto", and how the solver ended."""
 
     @abstractmethod
+    def placement_indices(self, term: Term) -> NDArray[np.int32]:
+        """Where the derivatives of an energy of changing instances went when last assembled, [instances, slots]:
+        1-based scalar offsets of dof blocks, 0 for none."""
+
+    @abstractmethod
     def hessian_groups(self) -> list[BlockGroup]:
         """The blocks of the assembled Hessian by shape, on the host; of one place there may be several."""
 
@@ -310,8 +315,9 @@ class CompiledScene(InScene, ABC):
 
     def _not_finite(self, term: Term, instance: int) -> NotFiniteError:
         return NotFiniteError(
-            f"the derivatives of energy {term.symbol} are not finite on instance {instance}; look at "
-            f"its inputs there (inverted element, distance 0, overflow?). It was made at {term.where}"
+            f"the derivatives of energy {term.symbol} are not finite on instance {instance}"
+            f"{_connected(term.owner, instance)}; look at its inputs there (inverted element, distance 0, overflow?). "
+            f"It was made at {term.where}"
         )
 
     def place_of(self, unknown: int) -> str:
@@ -324,10 +330,44 @@ class CompiledScene(InScene, ABC):
             start += target.node.array.size
         raise IndexError(f"unknown {unknown} of {start}")
 
+    def changing_energies_at(self, unknown: int) -> list[str]:
+        """Names, for messages, of the energies whose instances change (such as contact) and that act on the dof block
+        which starts at this scalar; each with the instance where it is largest."""
+        found = []
+        values = self.energies()
+        for term in self._terms:
+            if not term.dynamic or term.kappa is None or term.count == 0:
+                continue
+            acting = np.flatnonzero((self.placement_indices(term) == unknown + 1).any(axis=1))
+            if acting.size:
+                largest = int(acting[np.argmax(values[term.symbol][acting])])
+                found.append(f"{term.symbol} on instance {largest}{_connected(term.owner, largest)}")
+        return found
+
     def split(self, stacked: FloatArray) -> list[FloatArray]:
         """A vector of all unknowns as one flat array for each target."""
         sizes = [target.node.array.size for target in self.targets if isinstance(target.node, Stored)]
         return [part.copy() for part in np.split(stacked, np.cumsum(sizes)[:-1])]
+
+
+def _connected(owner: Primitive | PrimitiveUnion | None, instance: int) -> str:
+    """What an instance is connected to, for messages."""
+    if owner is None or not owner.connectivities:
+        return ""
+    parts = [
+        f"{c.name}: " + ", ".join(_name_of(c.target, int(index)) for index in c.indices[instance] if index >= 0)
+        for c in owner.connectivities.values()
+    ]
+    return f" ({'; '.join(parts)})"
+
+
+def _name_of(primitive: PrimitiveBase, instance: int) -> str:
+    """An instance's name; that of a union is the member's."""
+    if not isinstance(primitive, PrimitiveUnion):
+        return f"{primitive.path} {instance}"
+    starts = primitive.offsets()
+    k = int(np.searchsorted(starts, instance, side="right")) - 1
+    return _name_of(primitive.members[k], instance - int(starts[k]))
 
 
 def _set_if_new(arrays: dict[str, NDArray[np.int64]], name: str, array: NDArray[np.int64]) -> None:

@@ -9,6 +9,7 @@ Li et al. 2020; paper, section 4.6.3 and eq. 8. Distances enter squared.
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
@@ -19,11 +20,14 @@ from yasps.frontend.active_set import ActiveSet, MollifiedPairs, Pairs
 from yasps.frontend.arrays import positive_number
 from yasps.frontend.attribute import Attribute, FloatArray
 from yasps.frontend.collision_geometry import Candidates, CollisionGeometry
-from yasps.frontend.errors import SceneError
+from yasps.frontend.errors import IntersectionError, SceneError
 from yasps.frontend.in_scene import InScene
 from yasps.frontend.mesh import Mesh
-from yasps.frontend.primitive import Primitive, PrimitiveBase
+from yasps.frontend.primitive import Primitive, PrimitiveBase, PrimitiveUnion
 from yasps.frontend.scene_lock import one_thread_at_a_time
+from yasps.frontend.surface_arguments import checked_points
+
+LOGGER = logging.getLogger("yasps")
 
 
 def barrier(squared_distance: Attribute, squared_reach: Attribute, stiffness: Attribute) -> Attribute:
@@ -104,12 +108,21 @@ class BarrierContact(InScene):
     """Contact of a scene's surface with itself: one dynamic primitive and one energy for each kind of close pair.
 
     mesh: where the primitives are added (and its constants `squared_reach` [m^2] and `stiffness` [J/m^4]).
-    vertices: a primitive or union with a 3x1 attribute `position`. triangles: [m, 3] into it, the whole surface.
+    vertices: a primitive or union with a 3x1 attribute `position`. triangles: [m, 3] into it, the whole surface; edges:
+    [k, 2], those of rods and curves, which are in no triangle. Vertices in none of them take no part, which the logger
+    `yasps` says (level INFO); an object all of whose vertices are loose is refused.
     activation_distance: pairs closer than this repel [m]. stiffness [J/m^4]: kappa of eq. 8.
-    fixed: [n] bool, vertices that never move. group: [n] int, pairs inside one group (of a stiff body, say) don't
-    repel; negative means no group. objects: name -> number of vertices in order, for messages.
+    rest_positions: [n, 3], where all vertices are at rest: the edges' lengths there say from when on two edges count as
+    parallel. Default: the positions now, which is right if nothing is deformed now.
+    fixed: [n] bool, vertices that no energy moves. group: [n] int, pairs inside one group (of a stiff body, say) don't
+    repel; negative means no group. objects: name -> number of vertices in order, for messages; default: the members
+    of the union.
 
-    Raises SceneError, DataError, IntersectionError (if surfaces intersect now), ValueError for wrong shapes.
+    Every state that `minimize` accepts is joined to the one before it by a way without collision. Positions that were
+    changed from outside in between are held against the last accepted ones, see `check_way` and `reset`.
+
+    Raises SceneError, DataError, ConnectivityError, NameTakenError, IntersectionError (if surfaces intersect now);
+    nothing is added then.
     """
 
     def __init__(
@@ -120,27 +133,34 @@ class BarrierContact(InScene):
         *,
         activation_distance: float,
         stiffness: float,
+        edges: ArrayLike | None = None,
+        rest_positions: ArrayLike | None = None,
         fixed: ArrayLike | None = None,
         group: ArrayLike | None = None,
         objects: Mapping[str, int] | None = None,
         projection: str = "clamp",
     ) -> None:
         stiffness = positive_number(stiffness, "contact stiffness", "J/m^4", SceneError)
+        for name in ("squared_reach", "stiffness", *KINDS):
+            mesh.check_child_name(name, "a part of contact")
         self.position = vertices["position"]
         if self.position.shape != (3, 1):
             raise SceneError(f"contact needs 3x1 positions, but {self.position.path} is {self.position.shape}")
         self._lock = mesh.scene.lock
         positions = self.positions()
+        objects = _members_of(vertices) if objects is None else objects
         self.geometry = CollisionGeometry(
-            positions,
+            positions if rest_positions is None else checked_points(rest_positions, "rest_positions", len(positions)),
             triangles,
             activation_distance,
+            edges=edges,
             fixed=fixed,
             group=group,
             objects=objects,
             runtime=mesh.scene.runtime,
         )
         self.geometry.check_intersection_free(positions)
+        _announce_loose_vertices(self.geometry, objects)
         reach = mesh.add_constant("squared_reach", 1, 1, value=activation_distance**2)
         kappa = mesh.add_constant("stiffness", 1, 1, value=stiffness)
         self.primitives: dict[str, Primitive] = {}
@@ -159,12 +179,49 @@ class BarrierContact(InScene):
         self._given: dict[str, Pairs] = {}
         self._kept: Candidates | None = None
         self._where = positions
+        self._accepted = positions
         self.active = self.geometry.active_set(positions)
         self._apply(self.active)
 
     def positions(self) -> FloatArray:
         """Current positions of all vertices, [n, 3]."""
         return self.position.compute().array.reshape(-1, 3)
+
+    def accept(self, positions: FloatArray) -> None:
+        """Notes that the vertices came to these positions [n, 3] on a way that was free of collisions."""
+        self._accepted = np.array(positions)
+
+    @one_thread_at_a_time
+    def check_way(self, positions: FloatArray | None = None) -> None:
+        """Looks for collisions on the straight way from the positions last accepted to these, by default the present
+        ones, and accepts these.
+
+        `minimize` and `BackwardEuler.step` do so before anything else. Raises IntersectionError that names the vertices
+        where surfaces meet on the way or nearly do (see `CollisionGeometry.check_way`); nothing is accepted then.
+        """
+        where = self.positions() if positions is None else positions
+        if np.array_equal(where, self._accepted):
+            return
+        try:
+            self.geometry.check_way(self._accepted, where)
+        except IntersectionError as error:
+            raise IntersectionError(
+                f"positions were changed since the last step (by update_value?), and something is in the way: {error}."
+                " Move things by smaller steps, or round what is in the way; if this was a jump, such as a reset, say"
+                " so by reset() of the contact"
+            ) from error
+        self.accept(where)
+
+    @one_thread_at_a_time
+    def reset(self) -> None:
+        """Takes the present positions for a new start, whatever lies between them and the last ones.
+
+        Raises IntersectionError if surfaces cross or touch there; the last positions are kept then.
+        """
+        where = self.positions()
+        self.geometry.check_intersection_free(where)
+        self.update(where)
+        self.accept(where)
 
     @one_thread_at_a_time
     def update(self, positions: FloatArray | None = None, candidates: Candidates | None = None) -> ActiveSet:
@@ -191,7 +248,21 @@ class BarrierContact(InScene):
         geometry = self.geometry
         if self._kept is None or not geometry.covers(self._kept, start, end):
             self._kept = geometry.candidates(start, end, margin=MARGIN * geometry.activation_distance)
+        if self._is_short(start, end):
+            return 1.0, self._kept
         return geometry.step_bound(start, end, self._kept, start_is_free=True), self._kept
+
+    def _is_short(self, start: FloatArray, end: FloatArray) -> bool:
+        """Is the way so short that even two vertices that run towards each other keep a tenth of the smallest distance?
+
+        Then the step bound is 1, and no pair has to be looked at. Most ways near a minimum are.
+        """
+        if not np.array_equal(start, self._where):
+            return False
+        least = min(self.active.minimum_distance, self.geometry.activation_distance)
+        way = end - start
+        longest = float(np.sqrt(np.einsum("ij,ij->i", way, way).max(initial=0.0)))
+        return 0.0 < 2 * longest <= 0.9 * least
 
     def _apply(self, active: ActiveSet) -> None:
         for name, pairs in active.kinds().items():
@@ -202,3 +273,32 @@ class BarrierContact(InScene):
             if isinstance(pairs, MollifiedPairs):
                 parts["threshold"] = pairs.threshold
             self.primitives[name].update(**parts)
+
+
+def _members_of(vertices: PrimitiveBase) -> dict[str, int]:
+    """The numbers of vertices of a union's members, or of a primitive."""
+    members = vertices.members if isinstance(vertices, PrimitiveUnion) else (vertices,)
+    return {member.path: member.num_instances for member in members}
+
+
+def _announce_loose_vertices(geometry: CollisionGeometry, objects: Mapping[str, int]) -> None:
+    """Raises SceneError for an object of which nothing takes part in contact, and logs how many vertices do not."""
+    start = 0
+    for name, count in objects.items():
+        taking_part = geometry.taking_part[start : start + count]
+        if count > 0 and not taking_part.any():
+            raise SceneError(
+                f"none of the {count} vertices of {name!r} is in a triangle or an edge, so they would go through"
+                " everything: give their triangles or edges, too, or leave them out of the union"
+            )
+        if not taking_part.all():
+            loose = np.flatnonzero(~taking_part)
+            LOGGER.info(
+                "contact: %d of %d vertices of '%s' are in no triangle or edge and take no part, first vertex %d;"
+                " that is right for the inside of tetrahedral meshes only",
+                len(loose),
+                count,
+                name,
+                loose[0],
+            )
+        start += count

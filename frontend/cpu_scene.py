@@ -188,5 +188,9 @@ class CpuScene(CompiledScene):
         return self._solver.solve(parts, gradient, tolerance, max_iterations, solver=solver, with_history=history)
 
     @one_thread_at_a_time
+    def placement_indices(self, term: Term) -> NDArray[np.int32]:
+        return self.placements[term.symbol].kappas
+
+    @one_thread_at_a_time
     def hessian_groups(self) -> list[BlockGroup]:
         return [*self.static_matrix.groups, *self.dynamic_matrix.groups]

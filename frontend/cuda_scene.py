@@ -274,5 +274,9 @@ class CudaScene(CompiledScene):
         return x.download(), report
 
     @one_thread_at_a_time
+    def placement_indices(self, term: Term) -> NDArray[np.int32]:
+        return self._placements[term.symbol].kappas.download()
+
+    @one_thread_at_a_time
     def hessian_groups(self) -> list[BlockGroup]:
         return [*self.static_matrix.download_groups(), *self.dynamic_matrix.download_groups()]

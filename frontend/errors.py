@@ -29,6 +29,10 @@ class SceneError(YaspsError, ValueError):
     """Something is missing in the scene, or doesn't belong where it was put."""
 
 
+class IntersectionError(YaspsError, ValueError):
+    """Surfaces cross or touch, or do so on their way, where they must be apart."""
+
+
 class NotFiniteError(YaspsError, ArithmeticError):
     """An energy or its derivatives are not finite at the current values."""
 

@@ -18,7 +18,7 @@ from yasps.frontend.collision_geometry import Candidates
 from yasps.frontend.contact import BarrierContact
 from yasps.frontend.errors import NotConvergedError, SceneError
 from yasps.frontend.in_scene import InScene
-from yasps.frontend.newton_system import check_choices, solve_newton_system
+from yasps.frontend.newton_system import advice_on, check_choices, solve_newton_system
 from yasps.frontend.progress import TimeTable
 from yasps.frontend.scene import Scene
 from yasps.frontend.scene_lock import SceneLock, one_thread_at_a_time
@@ -110,12 +110,15 @@ def minimize(
     """Moves the scene's targets to a minimum of its energy, without intersections on the way.
 
     positions: 3x1 attributes whose movement is measured (and, with contact, bounded; they are contact.position then).
-    Stops when the Newton direction moves no vertex by settings.velocity_tolerance * time_step; that last direction is
-    not taken. Each step is bounded by CCD and halved until the energy does not grow (but for rounding), or made longer
-    where the energy shows that it is too short.
+    Each step is bounded by CCD and halved until the energy does not grow (but for rounding), or made longer where the
+    energy shows that it is too short. Stops when the Newton direction moves no vertex by settings.velocity_tolerance *
+    time_step; that last direction is still taken, in the same way, but where no step along it is found that is no
+    error.
 
-    Raises NotConvergedError after settings.max_iterations, or when the linear solver or the line search fails; the
-    targets then have the last accepted values.
+    Raises IntersectionError, before anything is changed, if positions were changed from outside since the last call
+    and something is in the way (see `BarrierContact.check_way`). Raises NotConvergedError after
+    settings.max_iterations, or when the linear solver or the line search fails; the targets then have the last accepted
+    values.
     """
     time_step = positive_number(time_step, "time_step", "s", SceneError)
     measured = [contact.position] if contact is not None else list(positions)
@@ -153,6 +156,8 @@ class _Minimization:
         """Newton iterations until the direction is short."""
         report, settings = self.report, self.settings
         here = self.positions()
+        if self.contact is not None:
+            self.contact.check_way(here)
         self.find_contacts(here)
         report.energy = self.energy()
         while True:
@@ -167,15 +172,23 @@ class _Minimization:
             way = there - here
             longest = float(np.sqrt(np.einsum("ij,ij->i", way, way).max(initial=0.0)))
             report.largest_velocity = longest / self.time_step
-            if report.largest_velocity < settings.velocity_tolerance:
-                motion.write(motion.start)
+            is_last = report.largest_velocity < settings.velocity_tolerance
+            here, report.energy = _LineSearch(self, motion, directions, here, there).run(slope, is_last)
+            if self.contact is not None:
+                self.contact.accept(here)
+            if is_last:
                 return report
-            here, report.energy = _LineSearch(self, motion, directions, here, there).run(slope)
             if report.iterations >= settings.max_iterations:
                 raise NotConvergedError(
                     f"no convergence in {settings.max_iterations} Newton iterations: the last direction still moved a "
                     f"vertex at {report.largest_velocity:.3g} m/s (tolerance {settings.velocity_tolerance:.3g})"
                 )
+
+    def _least_distance(self) -> str:
+        if self.contact is None or len(self.contact.active) == 0:
+            return ""
+        least, reach = self.contact.active.minimum_distance, self.contact.geometry.activation_distance
+        return f" The smallest distance in contact is {least:.3g} m, the activation distance {reach:.3g} m."
 
     def direction(self) -> tuple[list[FloatArray], float]:
         """x of H x = g for every target, and how fast the energy falls along -x at first, g . x."""
@@ -194,7 +207,11 @@ class _Minimization:
         self.report.direct_solves += solved.direct
         self.report.iterations += 1
         if not solved.converged:
-            raise NotConvergedError(f"Newton iteration {self.report.iterations}: the linear solver stopped: {solved}")
+            raise NotConvergedError(
+                f"Newton iteration {self.report.iterations}: the linear solver stopped: {solved}. "
+                + advice_on(solved, compiled, "linear_")
+                + self._least_distance()
+            )
         return compiled.split(solution.x), solution.slope
 
 
@@ -211,9 +228,13 @@ class _LineSearch:
     candidates: Candidates | None = None
     now: FloatArray = field(default_factory=lambda: np.empty((0, 3)))
 
-    def run(self, slope: float) -> tuple[FloatArray, float]:
+    def run(self, slope: float, is_last: bool) -> tuple[FloatArray, float]:
         """Takes the longest step of 1, 1/2, 1/4, ... times the collision-free bound that does not raise the energy; or
-        a longer one than 1, see `go_further`. Returns positions and energy after it; raises NotConvergedError."""
+        a longer one than 1, see `go_further`. Returns positions and energy after it.
+
+        is_last: the direction is short enough to stop; where no step along it is found, nothing moves. For any other
+        direction that raises NotConvergedError.
+        """
         report, settings = self.newton.report, self.newton.settings
         start = report.energy
         step = self.free_step(1.0)
@@ -227,6 +248,8 @@ class _LineSearch:
             step /= 2
         self.motion.write(self.motion.start)
         self.newton.find_contacts(self.before)
+        if is_last:
+            return self.before, start
         raise NotConvergedError(
             f"Newton iteration {report.iterations}: no step along the Newton direction lowers the energy "
             f"{start:.6g} J (the direction moves a vertex at {report.largest_velocity:.3g} m/s); a smaller "
@@ -337,8 +360,15 @@ class BackwardEuler(InScene):
 
     @one_thread_at_a_time
     def step(self) -> NewtonReport:
-        """One time step. Raises NotConvergedError; the targets then have the last accepted values."""
+        """One time step.
+
+        Raises IntersectionError, before anything is changed, if positions were changed from outside since the last step
+        and something is in the way; after a deliberate jump, call contact.reset(). Raises NotConvergedError; the
+        targets then have the last accepted values.
+        """
         dt = self.time_step
+        if self.contact is not None:
+            self.contact.check_way()
         old_targets = Motion(self.scene).start
         old_positions = [positions_of([part.position]) for part in self.parts]
         for part, x, v in zip(self.parts, old_positions, self.velocities, strict=True):
@@ -382,6 +412,8 @@ class BackwardEuler(InScene):
                     self.contact.update(after, candidates)
             if not (free and self.scene.total_energy() < energy):
                 motion.write(old_targets)
+            elif self.contact is not None:
+                self.contact.accept(after)
 
     def kinetic_energy(self) -> float:
         """Sum of m v^2 / 2 over all parts [J]."""

@@ -113,15 +113,25 @@ def _needs_projection(solution: NewtonSolution) -> bool:
     return bool(solution.gradient.any()) and not solution.slope > 0
 
 
-def advice_on(report: SolveReport, compiled: CompiledScene) -> str:
-    """What to do about a solve that did not converge."""
+def advice_on(report: SolveReport, compiled: CompiledScene, prefix: str = "") -> str:
+    """What to do about a solve that did not converge; prefix: of the names of its limits."""
     if report.reason is StopReason.MAX_ITERATIONS:
-        return "Raise tolerance." if report.direct else "Raise max_iterations or tolerance, or take solver='direct'."
+        if report.direct:
+            return f"Raise {prefix}tolerance."
+        return f"Raise {prefix}max_iterations or {prefix}tolerance, or take solver='direct'."
     if report.reason is StopReason.NOT_FINITE:
-        return "Look for infinite or NaN numbers in the scene."
+        where = f" at {compiled.place_of(report.block)}" if report.block is not None else ""
+        return f"Look for infinite or NaN numbers in the scene{where}."
     if report.block is None:
         return "The Hessian is not positive definite; add e.g. an inertia energy, or use another projection."
     place = compiled.place_of(report.block)
+    if acting := compiled.changing_energies_at(report.block):
+        return (
+            f"The Hessian's diagonal block of {place} is not positive definite in double precision. There acts "
+            f"{', '.join(acting)}: near distance 0 a barrier is so stiff in one direction that nothing else counts "
+            "beside it. Start with a larger gap between the surfaces; and see that other energies, e.g. inertia, hold "
+            "this target, too."
+        )
     if report.direct:
         return (
             f"The Hessian is not positive definite: elimination broke down at {place}. Is everything held by an "

@@ -9,6 +9,7 @@ from yasps.frontend.connectivity import Connectivity
 from yasps.frontend.errors import (
     ConnectivityError,
     DataError,
+    IntersectionError,
     LineageError,
     NameTakenError,
     NotConvergedError,
@@ -35,6 +36,7 @@ __all__ = [
     "Connectivity",
     "ConnectivityError",
     "DataError",
+    "IntersectionError",
     "LineageError",
     "Mesh",
     "NameTakenError",

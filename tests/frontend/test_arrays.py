@@ -385,7 +385,7 @@ ELSEWHERE: dict[str, tuple[Callable[[], object], type[Exception]]] = {
     "positions in text": (lambda: CollisionGeometry(CORNERS.astype(str), FACES, 0.1), DataError),
     "masked positions": (lambda: CollisionGeometry(MASK, FACES, 0.1), DataError),
     "triangles as (3, m)": (lambda: CollisionGeometry(CORNERS, FACES.T[:, :2], 0.1), ValueError),
-    "masked triangles": (lambda: CollisionGeometry(CORNERS, MASKED_FACES, 0.1), DataError),
+    "masked triangles": (lambda: CollisionGeometry(CORNERS, MASKED_FACES, 0.1), ConnectivityError),
     "masked fixed": (
         lambda: CollisionGeometry(CORNERS, FACES, 0.1, fixed=np.ma.masked_array([True] * 4, mask=[1, 0, 0, 0])),
         DataError,
