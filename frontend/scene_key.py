@@ -20,8 +20,8 @@ ENDINGS = (".py", ".h", ".cuh", ".cpp", ".cu")
 
 
 def text_of_key(module: ModuleOp) -> str:
-    """The IR after `lift-constants` as text, without what kernels get when they run: numbers of instances, and numbers
-    that were taken out of formulas."""
+    """The IR as text without what kernels get when they run: numbers of instances, and numbers that `lift-constants`
+    took out of formulas."""
     sizes = [(op, op.size) for op in module.walk() if isinstance(op, PrimitiveOp)]
     numbers = [(op, op.numbers) for op in module.walk() if isinstance(op, StorageOp)]
     for primitive, _ in sizes:

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+import numpy as np
 from xdsl.dialects.builtin import ModuleOp
 from xdsl.passes import ModulePass
 
@@ -19,7 +21,7 @@ from yasps.frontend.errors import UnsupportedSceneError
 from yasps.frontend.scene_key import compiler_digest, text_of_key
 from yasps.passes.errors import CompileError
 from yasps.passes.pipeline import LIFTING, PIPELINE, run_pipeline
-from yasps.runtime.toolchain import kept_text
+from yasps.runtime.build_cache import digest_of, kept_text
 
 
 @dataclass(frozen=True)
@@ -56,9 +58,12 @@ class SceneSource:
         self._left: Sequence[ModulePass] = PIPELINE
         """Passes that the module has not been through."""
         if request.dump_to is None:
-            self._run(LIFTING)
-            self.numbers = _numbers_of(self._module)
-            parts = [text_of_key(self._module), *key, compiler_digest()]
+            # An equal scene runs no pass; one with other numbers those up to lift-constants, to find its numbers.
+            lifted = json.loads(kept_text("lifted", [text_of_key(self._module), compiler_digest()], self._lift))
+            self.numbers = {
+                symbol: np.array(numbers).reshape(1, -1, 1) for symbol, numbers in lifted["numbers"].items()
+            }
+            parts = [lifted["key"], *key, compiler_digest()]
             text = kept_text("scene", parts, lambda: SceneCode.of(self.module, emitter_of).to_text())
             self.code = SceneCode.from_text(text)
         else:
@@ -72,6 +77,12 @@ class SceneSource:
         if self._left:
             self._run(self._left)
         return self._module
+
+    def _lift(self) -> str:
+        """Runs the passes up to lift-constants: the numbers of the scene, and a digest of it without them, as JSON."""
+        self._run(LIFTING)
+        numbers = {symbol: array.ravel().tolist() for symbol, array in _numbers_of(self._module).items()}
+        return json.dumps({"numbers": numbers, "key": digest_of(text_of_key(self._module))})
 
     def _run(self, passes: Sequence[ModulePass], dump_to: Path | None = None, *, locations: bool = False) -> None:
         """Runs the first of the passes that are left."""

@@ -63,20 +63,20 @@ def run_pipeline(
     *,
     locations: bool = False,
     without: Collection[str] = (),
-    passes: Sequence[ModulePass] = PIPELINE,
+    passes: Sequence[ModulePass] | None = None,
 ) -> ModuleOp:
     """Runs every pass on the module, in place, and verifies after each.
 
     dump_to: folder for `00-frontend.mlir`, `01-canonicalize.mlir`, ..., where `locations` says whether each attribute
     tells the line of Python that made it; after: called with each stage's name and module; without: names of OPTIONAL
-    passes to leave out; passes: those to run, in their order.
+    passes to leave out; passes: those to run, not all.
 
     Raises CompileError that names the pass, the attribute and that line, the dump of a stage that does not verify is
     there to read; ValueError for a pass that can't be left out.
     """
     if not OPTIONAL.issuperset(without):
         raise ValueError(f"only {', '.join(sorted(OPTIONAL))} can be left out, not {', '.join(sorted(without))}")
-    passes = tuple(p for p in passes if p.name not in without)
+    passes = tuple(p for p in (PIPELINE if passes is None else passes) if p.name not in without)
     stage = 0
 
     def dump(previous: ModulePass | None, current: ModuleOp, following: ModulePass | None) -> None:
