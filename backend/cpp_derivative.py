@@ -49,6 +49,7 @@ def derivative_body(text: CppObjectText, derivative: DerivativeOp) -> list[str]:
         lines += ["if (sink->tiles) {", *indented(scatter), "}"]
     lines += scatter_gradient(text, slots, capacity)
     return [
+        *text.compute_uniforms("V"),
         "for (long first = begin; first < end; first += 8) {",
         "    const long lanes = end - first < 8 ? end - first : 8;",
         *indented(text.declare("V")),
@@ -89,8 +90,8 @@ def _in_batches(
     pull_back = terminator.hessian.owner
     entries = shape_of(project.packed)[0]
     names = {**text.names(), project.result: "middle"}
-    kept = {names[v] for v in pull_back.inputs} - {"middle"} if isinstance(pull_back, ApplyOp) else set()
     sizes = {f"r{k}": size for k, size in enumerate(text.read_sizes())}
+    kept = {names[v] for v in pull_back.inputs} & sizes.keys() if isinstance(pull_back, ApplyOp) else set()
     bytes_of_pack = 64 * (entries + sum(sizes[name] for name in kept))
     packs = max(1, min(MOST_PACKS, LARGEST_STACK // bytes_of_pack))
     width = project.width.value.data
@@ -110,6 +111,7 @@ def _in_batches(
     entry = entry if isotropic else "project((double*)middle_of"
     each_pack = "for (long first = start, pack = 0; first < stop; first += 8, ++pack) {"
     return [
+        *text.compute_uniforms("V"),
         f"V middle_of[{packs}][{entries}];",
         *([f"V deformation_of[{packs}][{width}];"] if isotropic else []),
         *(f"V {name}_of[{packs}][{sizes[name]}];" for name in sorted(kept)),

@@ -70,10 +70,12 @@ class CppObjectText(ObjectText):
 
     def splat_gathered(self) -> list[str]:
         """Packs of what `gather_scalar` gathered, the same in all lanes."""
+        sizes = {f"r{k}": size for k, size in enumerate(self.read_sizes())}
+        sizes |= {f"u{k}": size_of(call.values[0]) for k, call in enumerate(self.uniform_calls())}
         lines = []
-        for k, size in enumerate(self.read_sizes()):
-            lines.append(f"V r{k}_pack[{size}];")
-            lines.append(f"for (long e = 0; e < {size}; ++e) r{k}_pack[e] = splat(r{k}[e]);")
+        for name, size in sizes.items():
+            lines.append(f"V {name}_pack[{size}];")
+            lines.append(f"for (long e = 0; e < {size}; ++e) {name}_pack[e] = splat({name}[e]);")
         return lines
 
     def gather_pack(self) -> list[str]:
@@ -132,7 +134,7 @@ class CppObjectText(ObjectText):
             signature = f"void {SELF}_batch(Arguments a, long begin, long end, {scalar}* out)"
             if packs:
                 assert isinstance(producer, ApplyOp)
-                body = ["for (long first = begin; first < end; first += 8) {"]
+                body = [*self.compute_uniforms("V"), "for (long first = begin; first < end; first += 8) {"]
                 body += ["    const long lanes = end - first < 8 ? end - first : 8;"]
                 body += [f"    {line}" for line in [*self.declare("V"), *self.gather_pack()]]
                 body += [f"    V y[{size}];", f"    {self.call(producer, self.names(), ['y'], 'V')}"]

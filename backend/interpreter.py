@@ -100,6 +100,11 @@ class Interpreter:
         """A storage or attribute on all instances, [instances, rows, columns]."""
         if name in self.data.storages:
             return self.data.storages[name]
+        if name not in self._values and name in self.scene.storages:
+            numbers = self.scene.storages[name].known_numbers()
+            if numbers is None:
+                raise KeyError(f"the numbers have no storage @{name}")
+            self._values[name] = numbers
         if name not in self._values:
             attribute = self.scene.attributes[name]
             values = self.run(attribute, {})

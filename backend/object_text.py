@@ -235,7 +235,28 @@ class ObjectText(ABC):
     # -- bodies --------------------------------------------------------------------------------------------
 
     def reads(self) -> list[ReadOp]:
-        return [op for op in self.definition.body.block.ops if isinstance(op, ReadOp)]
+        """Boundary reads that differ from instance to instance, if anything uses them."""
+        reads = [op for op in self.definition.body.block.ops if isinstance(op, ReadOp)]
+        return [op for op in reads if any(use.operation not in self.uniform_calls() for use in op.result.uses)]
+
+    def uniform_calls(self) -> list[ApplyOp]:
+        """Calls whose results are the same for all instances."""
+        ops = self.definition.body.block.ops
+        return [op for op in ops if isinstance(op, ApplyOp) and op.uniform is not None]
+
+    def compute_uniforms(self, scalar: str) -> list[str]:
+        """Statements that declare what is the same for all instances and compute it: arrays u0, u1, ..., of V too."""
+        lines = []
+        for k, call in enumerate(self.uniform_calls()):
+            pointers: dict[SSAValue, str] = {}
+            for value in call.inputs:
+                assert isinstance(value.owner, DataOp)
+                pointers[value] = self.bind("storage", name_of(value.owner.storage))
+            size, name = size_of(call.values[0]), f"u{k}_one" if scalar == "V" else f"u{k}"
+            lines += [f"double {name}[{size}];", self.call(call, pointers, [name], "double")]
+            if scalar == "V":
+                lines += [f"V u{k}[{size}];", f"for (long e = 0; e < {size}; ++e) u{k}[e] = splat({name}[e]);"]
+        return lines
 
     def read_sizes(self) -> list[int]:
         """Entries of each boundary read."""
@@ -245,13 +266,15 @@ class ObjectText(ABC):
         return [f"{scalar} r{k}[{size}];" for k, size in enumerate(self.read_sizes())]
 
     def gather_scalar(self, scalar: str) -> list[str]:
-        lines = self.declare(scalar)
+        lines = [*self.compute_uniforms(scalar), *self.declare(scalar)]
         for k, op in enumerate(self.reads()):
             lines += self.read(op, f"r{k}", scalar)
         return lines
 
     def names(self) -> dict[SSAValue, str]:
-        return {op.result: f"r{k}" for k, op in enumerate(self.reads())}
+        """Arrays of what calls take: r0, r1, ... read for the instance, u0, u1, ... the same for all."""
+        read = {op.result: f"r{k}" for k, op in enumerate(self.reads())}
+        return read | {call.values[0]: f"u{k}" for k, call in enumerate(self.uniform_calls())}
 
     def define_function(self, call: ApplyOp, scalar: str) -> str:
         """Defines the function of the call for this scalar type; returns its C++ name."""

@@ -36,8 +36,9 @@ _MOST_DEFLATED = 1032
 class SceneData:
     """The numbers of a scene, by the names of the IR.
 
-    storages: [instances, rows, columns]; connectivities: [instances, arity]; sizes: instances of each primitive and
-    primitive union (meshes and the scene have one).
+    storages: [instances, rows, columns]; those that `lift-constants` made may be missing, the module knows their
+    numbers. connectivities: [instances, arity]; sizes: instances of each primitive and primitive union (meshes and the
+    scene have one).
     """
 
     storages: Mapping[str, Batch]
@@ -156,7 +157,8 @@ def _array(path: Path, name: str, value: Any, dtype: Any) -> NDArray[Any]:
 def random_scene_data(module: ModuleOp, instances: int, seed: int = 0) -> SceneData:
     """Numbers in [0.5, 1.5) on `instances` instances of each primitive, connected at random.
 
-    They depend on seed and names alone, so that they are the same after every pass. No row of a connectivity names an
+    They depend on seed and names alone, so that they are the same after every pass; numbers that were taken out of
+    formulas stay what they are. No row of a connectivity names an
     instance twice where that can be avoided; of a variable arity, rows have different lengths.
 
     Raises SceneDataError for more than 1e8 numbers.
@@ -171,7 +173,8 @@ def random_scene_data(module: ModuleOp, instances: int, seed: int = 0) -> SceneD
     storages = {}
     for name, storage in declared.storages.items():
         shape = (sizes.get(name_of(storage.owner), 1), *storage_shape(storage))
-        storages[name] = 0.5 + _generator(seed, name).random(shape)
+        if storage.numbers is None:
+            storages[name] = 0.5 + _generator(seed, name).random(shape)
     connectivities = {}
     for name, connectivity in declared.connectivities.items():
         rows, arity = sizes[name_of(connectivity.source)], connectivity.arity.value.data
@@ -198,6 +201,8 @@ def check_scene_data(module: ModuleOp, data: SceneData) -> None:
         if data.sizes[name] != united:
             raise SceneDataError(f"@{name} has {data.sizes[name]} instances, but its members have {united}")
     for name, storage in declared.storages.items():
+        if storage.numbers is not None and name not in data.storages:
+            continue
         _present(name, data.storages, "storage")
         shape = (data.sizes.get(name_of(storage.owner), 1), *storage_shape(storage))
         if data.storages[name].shape != shape:

@@ -2,7 +2,8 @@
 
 A node is an integer. Equal expressions are one node (global value numbering), and the constructors simplify:
 zeros, ones, negations and constants are folded as they are made, so structural zeros of Jacobians cost nothing.
-What would fold to NaN or infinity is left to run time.
+What would fold to NaN or infinity is left to run time. Coefficients, which are constants or the same for all instances,
+are gathered in front of products, so that they are multiplied with each other once and not for every instance.
 Building a node here costs about a microsecond, an xDSL operation ten to twenty.
 """
 
@@ -10,7 +11,7 @@ from __future__ import annotations
 
 import math
 import operator
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Sequence
 
 Node = int
 
@@ -43,6 +44,7 @@ class ScalarGraph:
         self._known: dict[tuple[object, ...], Node] = {}
         self._truths: set[Node] = set()
         """Nodes that are 0 or 1 by a choice; as conditions they need no comparison with 0."""
+        self._uniform: set[Node] = set()
         self.zero = self.constant(0.0)
         self.one = self.constant(1.0)
 
@@ -58,6 +60,12 @@ class ScalarGraph:
             self.kinds.append(kind)
             self.arguments.append(arguments)
             self.values.append(value)
+            if (
+                kind not in COMPARISONS
+                and any(argument in self._uniform for argument in arguments)
+                and all(self.is_coefficient(argument) for argument in arguments)
+            ):
+                self._uniform.add(found)
         return found
 
     # -- leaves --------------------------------------------------------------------------------------------
@@ -65,11 +73,26 @@ class ScalarGraph:
     def constant(self, value: float) -> Node:
         return self._node("constant", (), float(value) + 0.0)  # + 0.0 turns -0.0 into 0.0
 
-    def input(self, position: int) -> Node:
-        return self._node("input", (), float(position))
+    def input(self, position: int, *, uniform: bool = False) -> Node:
+        """An input; a `uniform` one is the same for all instances, as is what is computed from such alone."""
+        node = self._node("input", (), float(position))
+        if uniform:
+            self._uniform.add(node)
+        return node
 
     def is_constant(self, a: Node) -> bool:
         return self.kinds[a] == "constant"
+
+    def is_uniform(self, a: Node) -> bool:
+        """Is it computed from uniform inputs? Then it is computed once for all instances, and costs nothing.
+
+        Truth values, which are no numbers, are not.
+        """
+        return a in self._uniform
+
+    def is_coefficient(self, a: Node) -> bool:
+        """Is it a constant, or uniform? Products have their coefficients in front, gathered to one."""
+        return a in self._uniform or self.kinds[a] == "constant"
 
     # -- arithmetic ----------------------------------------------------------------------------------------
 
@@ -137,17 +160,20 @@ class ScalarGraph:
             return self.neg(self.mul(self.arguments[a][0], b))
         if kind_b == "neg":
             return self.neg(self.mul(a, self.arguments[b][0]))
-        if kind_b == "constant":
+        if kind_b == "constant" or (kind_a != "constant" and self.is_uniform(b) and not self.is_uniform(a)):
             a, b, kind_a = b, a, kind_b
             kind_b = self.kinds[b]
-        if kind_a == "constant":
-            if self.values[a] < 0.0:
-                return self.neg(self.mul(self.constant(-self.values[a]), b))
-            if kind_b == "mul" and self.is_constant(self.arguments[b][0]):
-                inner = self.arguments[b]
-                value = self.values[a] * self.values[inner[0]]
+        if kind_a == "constant" and self.values[a] < 0.0:
+            return self.neg(self.mul(self.constant(-self.values[a]), b))
+        if kind_b == "mul":
+            first, second = self.arguments[b]
+            if kind_a == "constant" and self.is_constant(first):
+                value = self.values[a] * self.values[first]
                 if math.isfinite(value):
-                    return self.mul(self.constant(value), inner[1])
+                    return self.mul(self.constant(value), second)
+            elif self.is_coefficient(a) and self.is_coefficient(first) and not self.is_uniform(b):
+                return self.mul(self.mul(a, first), second)
+        if kind_a == "constant" or (self.is_uniform(a) and not self.is_uniform(b)):
             return self._node("mul", (a, b))
         return self._node("mul", (a, b) if a < b else (b, a))
 
@@ -168,6 +194,8 @@ class ScalarGraph:
             return self.neg(self.div(self.arguments[a][0], b))
         if self.kinds[b] == "neg":
             return self.neg(self.div(a, self.arguments[b][0]))
+        if self.is_uniform(b) and not self.is_coefficient(a):
+            return self.mul(self.div(self.one, b), a)
         return self._node("div", (a, b))
 
     def power(self, a: Node, exponent: float) -> Node:
@@ -284,13 +312,22 @@ class ScalarGraph:
                 terms[node] = terms.get(node, 0.0) + factor
         return terms
 
-    def reachable(self, outputs: Sequence[Node]) -> list[Node]:
-        """Nodes needed for the outputs, operands before users."""
+    def reachable(self, outputs: Sequence[Node], given: Collection[Node] = ()) -> list[Node]:
+        """Nodes needed for the outputs, operands before users; of `given` ones not what they are computed from."""
         needed = set()
         stack = list(outputs)
         while stack:
             node = stack.pop()
             if node not in needed:
                 needed.add(node)
-                stack.extend(self.arguments[node])
+                if node not in given:
+                    stack.extend(self.arguments[node])
         return sorted(needed)  # a node is made after its operands
+
+    def uniform_values(self, outputs: Sequence[Node]) -> list[Node]:
+        """Uniform nodes that are outputs, or that others which are not uniform are computed from."""
+        found = {node for node in outputs if self.is_uniform(node)}
+        for node in self.reachable(outputs):
+            if not self.is_uniform(node):
+                found.update(argument for argument in self.arguments[node] if self.is_uniform(argument))
+        return sorted(found)

@@ -6,6 +6,7 @@
     -(a - b)                b - a                       where a - b itself is not needed; so too inside products
     a (c b), c a number     c (a b)                     where c b itself is not needed: a b may be there already
     a x + b x + y           (a + b) x + y               where a x and b x themselves are not needed
+    u (v b), -(u b)         (u v) b, (-u) b             where u and v are the same for all instances: computed once
 
 Values change by rounding alone.
 """
@@ -84,9 +85,12 @@ class _Tidying:
         """Is the negative of the node as cheap as the node?"""
         if node not in self._can_flip:
             kind = self.old.kinds[node]
-            self._can_flip[node] = kind == "sub" or (
-                kind in ("add", "mul", "div")
-                and (self._carrier(node) is not None or self._number_factor(node) is not None)
+            self._can_flip[node] = not self.old.is_uniform(node) and (
+                kind == "sub"
+                or (
+                    kind in ("add", "mul", "div")
+                    and (self._carrier(node) is not None or self._number_factor(node) is not None)
+                )
             )
         return self._can_flip[node]
 
@@ -102,7 +106,7 @@ class _Tidying:
 
     def _number_factor(self, node: Node) -> Node | None:
         first = self.old.arguments[node][0]
-        return first if self.old.kinds[node] in ("mul", "div") and self.old.is_constant(first) else None
+        return first if self.old.kinds[node] in ("mul", "div") and self.old.is_coefficient(first) else None
 
     def get(self, node: Node) -> Node:
         """The new node with the value of this old one."""
@@ -120,7 +124,8 @@ class _Tidying:
             if self.old.kinds[node] in ("add", "sub"):
                 for argument in self.old.arguments[node]:
                     _, term = self.signed(argument)
-                    if self.old.kinds[term] in ("add", "sub") and self.users[term] == 1:
+                    is_sum = self.old.kinds[term] in ("add", "sub") and not self.old.is_uniform(term)
+                    if is_sum and self.users[term] == 1:
                         inner.add(term)
         return inner
 
@@ -175,13 +180,17 @@ class _Tidying:
         return self.graph._node(kind, arguments, value)
 
     def _product(self, a: Node, b: Node) -> Node:
-        if self.graph.is_constant(b):
+        if self.graph.is_coefficient(b):
             a, b = b, a
-        return self.raw("mul", a, b) if self.graph.is_constant(a) else self.raw("mul", *sorted((a, b)))
+        return self.raw("mul", a, b) if self.graph.is_coefficient(a) else self.raw("mul", *sorted((a, b)))
 
     def _make(self, node: Node) -> Node:
         """The new node for an old one, or for its negative if it is flipped."""
         kind, arguments = self.old.kinds[node], self.old.arguments[node]
+        if kind == "input":
+            return self.graph.input(int(self.old.values[node]), uniform=self.old.is_uniform(node))
+        if self.old.is_uniform(node):  # computed once: not worth the trouble
+            return self.raw(kind, *[self.get(argument) for argument in arguments], value=self.old.values[node])
         if kind in ("add", "sub"):
             terms = self._terms(node, -1 if node in self.flipped else 1)
             single = {
@@ -190,7 +199,7 @@ class _Tidying:
                 if self.users[inner] == 1 and self.graph.kinds[self.made[inner]] == "mul"
             }
             return self._sum(self._factored(terms, single))
-        if kind in ("constant", "input"):
+        if kind == "constant":
             return self.raw(kind, value=self.old.values[node])
         if kind == "mul":
             return self._make_product(node)
@@ -211,25 +220,29 @@ class _Tidying:
 
     def _make_product(self, node: Node) -> Node:
         sign = -1 if node in self.flipped else 1
-        number, factors = 1.0, []
+        number, uniform, factors = 1.0, [], []
         for argument in self.old.arguments[node]:
             own, new = self._signed_new(argument)
             sign *= own
-            if self.graph.is_constant(new):
-                number *= self.graph.values[new]
-            elif self.users[self.signed(argument)[1]] == 1 and self._begins_with_number(new):
-                first, second = self.graph.arguments[new]
-                number *= self.graph.values[first]
-                factors.append(second)
-            else:
-                factors.append(new)
+            parts = [new]
+            if self.users[self.signed(argument)[1]] == 1 and self._begins_with_coefficient(new):
+                parts = list(self.graph.arguments[new])
+            for part in parts:
+                if self.graph.is_constant(part):
+                    number *= self.graph.values[part]
+                else:
+                    (uniform if self.graph.is_uniform(part) else factors).append(part)
         if not factors or not math.isfinite(number):  # overflow is left to run time
             return self.raw("mul", *[self._signed_new(argument)[1] for argument in self.old.arguments[node]])
         product = factors[0] if len(factors) == 1 else self._product(*factors)
-        return self._times(sign * number, product)
+        if not uniform:
+            return self._times(sign * number, product)
+        coefficient = uniform[0] if len(uniform) == 1 else self._product(*uniform)
+        return self._product(self._times(sign * number, coefficient), product)
 
-    def _begins_with_number(self, new: Node) -> bool:
-        return self.graph.kinds[new] == "mul" and self.graph.is_constant(self.graph.arguments[new][0])
+    def _begins_with_coefficient(self, new: Node) -> bool:
+        is_product = self.graph.kinds[new] == "mul" and not self.graph.is_uniform(new)
+        return is_product and self.graph.is_coefficient(self.graph.arguments[new][0])
 
     def _times(self, number: float, new: Node) -> Node:
         if number == 1.0:
@@ -242,7 +255,9 @@ class _Tidying:
         sign *= below_sign * (-1 if node in self.flipped else 1)
         if self.graph.is_constant(dividend) and sign < 0:
             sign, dividend = 1, self.graph.constant(-self.graph.values[dividend])
-        if self.divisions[self.signed(below)[1]] > 1 and not self.graph.is_constant(divisor):
+        elif self.graph.is_uniform(dividend) and sign < 0:
+            sign, dividend = 1, self.raw("neg", dividend)
+        if self.divisions[self.signed(below)[1]] > 1 and not self.graph.is_coefficient(divisor):
             reciprocal = self.raw("div", self.graph.one, divisor)
             if self.graph.is_constant(dividend):
                 return self._times(self.graph.values[dividend], reciprocal)

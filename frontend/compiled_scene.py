@@ -105,7 +105,7 @@ class CompiledScene(InScene, ABC):
         self.targets = list(request.targets)
         start = time.perf_counter()
         self._source = SceneSource(request, self._emitter, self._key())
-        self.emitter, self.code = self._source.emitter, self._source.code
+        self.emitter, self.code, self.numbers = self._source.emitter, self._source.code, self._source.numbers
         symbolic = time.perf_counter() - start
         modules = self._build(request.dump_to)
         native = time.perf_counter() - start - symbolic
@@ -279,7 +279,7 @@ class CompiledScene(InScene, ABC):
     def data(self) -> SceneData:
         """The scene's numbers for the reference interpreter."""
         self.bind()
-        storages = {}
+        storages = {symbol: numbers.copy() for symbol, numbers in self.numbers.items()}
         for symbol, attribute in self.emitter.stored.items():
             assert isinstance(attribute.node, Stored)
             storages[symbol] = attribute.node.array.copy()

@@ -72,6 +72,8 @@ class CpuScene(CompiledScene):
                 placement.ordered.point()
 
     def _address_of(self, binding: Binding) -> int:
+        if binding.name in self.numbers:
+            return self.numbers[binding.name].ctypes.data
         if binding.kind == "storage":
             node = self.emitter.stored[binding.name].node
             assert isinstance(node, Stored)

@@ -145,6 +145,8 @@ class CudaScene(CompiledScene):
 
     def _source_of(self, binding: Binding) -> tuple[NDArray[Any] | DeviceIndices, int]:
         """The array that a kernel reads, and how often it was changed in place."""
+        if binding.name in self.numbers:
+            return self.numbers[binding.name], 0
         if binding.kind == "storage":
             node = self.emitter.stored[binding.name].node
             assert isinstance(node, Stored)

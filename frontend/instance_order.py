@@ -76,8 +76,8 @@ def own_reads(
     indices: dict[Binding, Connectivity] = {}
     for binding in program.codes[derivative].bindings:
         if binding.kind == "storage":
-            attribute = emitter.stored[binding.name]
-            if attribute.owner is not owner:
+            attribute = emitter.stored.get(binding.name)
+            if attribute is None or attribute.owner is not owner:  # numbers of formulas are the scene's
                 continue
             assert isinstance(attribute.node, Stored)
             if any(target is attribute for target in targets):

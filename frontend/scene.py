@@ -298,12 +298,12 @@ class Scene(SceneNames, Entity):
 
         projected: each energy's local Hessians made positive semi-definite as it was registered; False: exact.
         """
-        compiled = self.compile()
+        self._check_complete(need_targets=True)
         if projected or all(term.projection == "none" for term in self._energies):
-            compiled.assemble()
+            compiled = self.compile()
         else:
             compiled = self._variant(self._targets)
-            compiled.assemble()
+        compiled.assemble()
         return compiled.hessian()
 
     @one_thread_at_a_time
@@ -333,13 +333,19 @@ class Scene(SceneNames, Entity):
                 raise SceneError(f"{attribute.path} is named twice")
         if not rows or not columns:
             raise SceneError("mixed_hessian needs at least one target and one parameter")
-        if not self._energies:
-            raise SceneError(f"{self.label} has no energy yet: add_energy(attribute) first")
+        self._check_complete(need_targets=False)
         compiled = self._variant(everything)
         compiled.assemble()
         count = sum(attribute.node.array.size for attribute in rows if isinstance(attribute.node, Stored))
         whole = compiled.hessian().to_scipy()
         return sparse.csr_array(whole[:count, count:])
+
+    def _check_complete(self, *, need_targets: bool) -> None:
+        """Raises SceneError without energies or, if they are needed, targets."""
+        if not self._energies:
+            raise SceneError(f"{self.label} has no energy yet: add_energy(attribute) first")
+        if need_targets and not self._targets:
+            raise SceneError(f"{self.label} has no minimisation target yet: add_minimize_target(attribute) first")
 
     def _variant(self, targets: Sequence[Attribute]) -> CompiledScene:
         """The scene compiled for these targets, without projection."""
@@ -385,10 +391,7 @@ class Scene(SceneNames, Entity):
                 f"compile(device={device!r}, arch={arch!r}): without them the scene is compiled for the device it was "
                 'made with; device="cuda", arch="sm_90" compiles for a GPU of that architecture, without running it'
             )
-        if not self._energies:
-            raise SceneError(f"{self.label} has no energy yet: add_energy(attribute) first")
-        if need_targets and not self._targets:
-            raise SceneError(f"{self.label} has no minimisation target yet: add_minimize_target(attribute) first")
+        self._check_complete(need_targets=need_targets)
         if arch is not None:
             from yasps.frontend.device_report import compile_for_device
 

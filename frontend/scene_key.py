@@ -1,40 +1,53 @@
-"""What generated code depends on: the scene's IR without its sizes, and the compiler itself."""
+"""What generated code depends on: the scene's IR without sizes and numbers, and the compiler itself."""
 
 from __future__ import annotations
 
 import functools
-import hashlib
 from importlib.metadata import version
 from importlib.resources import files
+from pathlib import Path
 
 from xdsl.dialects.builtin import ModuleOp
 
-from yasps.dialects.rel import PrimitiveOp
+from yasps.dialects.rel import PrimitiveOp, StorageOp
 from yasps.passes.ir_text import text_of
+from yasps.runtime.build_cache import digest_of
 
-SOURCES = ("dialects", "dialects/mat", "dialects/rel", "passes", "backend")
-"""Folders of what makes code from the frontend's IR."""
+SOURCES = ("dialects", "passes", "backend", "runtime", "frontend")
+"""Folders of what has a part in the code that is made of a scene. Which files of the frontend have none is not worth a
+list that may be wrong: the passes are run once more for nothing after a change of those."""
+ENDINGS = (".py", ".h", ".cuh", ".cpp", ".cu")
 
 
-def text_without_sizes(module: ModuleOp) -> str:
-    """The IR as text, without numbers of instances: kernels get these when they run."""
+def text_of_key(module: ModuleOp) -> str:
+    """The IR as text without what kernels get when they run: numbers of instances, and numbers that `lift-constants`
+    took out of formulas."""
     sizes = [(op, op.size) for op in module.walk() if isinstance(op, PrimitiveOp)]
-    for op, _ in sizes:
-        op.size = None
+    numbers = [(op, op.numbers) for op in module.walk() if isinstance(op, StorageOp)]
+    for primitive, _ in sizes:
+        primitive.size = None
+    for storage, _ in numbers:
+        storage.numbers = None
     try:
         return text_of(module)
     finally:
-        for op, size in sizes:
-            op.size = size
+        for primitive, size in sizes:
+            primitive.size = size
+        for storage, known in numbers:
+            storage.numbers = known
 
 
 @functools.cache
 def compiler_digest() -> str:
-    """Digest of the passes and emitters as their files are when it is first asked for, and of xDSL's version."""
-    digest = hashlib.sha256(version("xdsl").encode())
+    """Digest of the compiler's source files as they are when it is first asked for, and of xDSL's version."""
+    return digest_of_sources(Path(str(files("yasps"))), version("xdsl"))
+
+
+def digest_of_sources(package: Path, xdsl: str) -> str:
+    """Digest of all source files in the folders SOURCES of the package, by their paths, and of xDSL's version."""
+    parts = [xdsl]
     for folder in SOURCES:
-        for path in sorted(files("yasps").joinpath(folder).iterdir(), key=lambda path: path.name):
-            if path.name.endswith((".py", ".h")):
-                digest.update(path.name.encode())
-                digest.update(path.read_bytes())
-    return digest.hexdigest()
+        for path in sorted((package / folder).rglob("*")):
+            if path.suffix in ENDINGS:
+                parts += [path.relative_to(package).as_posix(), path.read_text(encoding="utf-8")]
+    return digest_of(*parts)

@@ -2,23 +2,27 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
+import numpy as np
 from xdsl.dialects.builtin import ModuleOp
+from xdsl.passes import ModulePass
 
 from yasps.backend.object_text import ObjectEmitter
 from yasps.backend.scene_code import SceneCode
 from yasps.backend.scene_view import SceneView
-from yasps.frontend.attribute import Attribute
+from yasps.dialects.rel import StorageOp
+from yasps.frontend.attribute import Attribute, FloatArray
 from yasps.frontend.emit import EnergyTerm, SceneEmitter
 from yasps.frontend.errors import SceneError, UnsupportedSceneError
-from yasps.frontend.scene_key import compiler_digest, text_without_sizes
+from yasps.frontend.scene_key import compiler_digest, text_of_key
 from yasps.frontend.scene_lock import SceneLock
 from yasps.passes.errors import CompileError
-from yasps.passes.pipeline import run_pipeline
-from yasps.runtime.toolchain import kept_text
+from yasps.passes.pipeline import LIFTING, PIPELINE, run_pipeline
+from yasps.runtime.build_cache import digest_of, kept_text
 
 
 @dataclass(frozen=True)
@@ -51,7 +55,10 @@ def make_dump_folder(folder: str | Path) -> Path:
 
 
 class SceneSource:
-    """What is compiled. `emitter`: knows the scene's parts by their symbols; `code`: what was generated."""
+    """What is compiled. `emitter`: knows the scene's parts by their symbols; `code`: what was generated.
+
+    numbers: [1, n, 1] by symbol, those that `lift-constants` took out of the scene's formulas, which the code reads.
+    """
 
     def __init__(
         self, request: CompileRequest, emitter_of: Callable[[SceneView], ObjectEmitter], key: Sequence[str]
@@ -61,42 +68,46 @@ class SceneSource:
         Raises UnsupportedSceneError.
         """
         self.emitter = SceneEmitter(request.scene_name)
-        emitted = self.emitter.emit(request.energies, request.targets, request.outputs)
-        self._unlowered: ModuleOp | None = emitted
-        self._module: ModuleOp | None = None
-        self.code = self._generate(emitter_of, key, request.dump_to, locations=request.dump_locations)
+        self._module = self.emitter.emit(request.energies, request.targets, request.outputs)
+        self._left: Sequence[ModulePass] = PIPELINE
+        """Passes that the module has not been through."""
+        if request.dump_to is None:
+            # An equal scene runs no pass; one with other numbers those up to lift-constants, to find its numbers.
+            lifted = json.loads(kept_text("lifted", [text_of_key(self._module), compiler_digest()], self._lift))
+            self.numbers = {
+                symbol: np.array(numbers).reshape(1, -1, 1) for symbol, numbers in lifted["numbers"].items()
+            }
+            parts = [lifted["key"], *key, compiler_digest()]
+            text = kept_text("scene", parts, lambda: SceneCode.of(self.module, emitter_of).to_text())
+            self.code = SceneCode.from_text(text)
+        else:
+            self._run(PIPELINE, request.dump_to, locations=request.dump_locations)
+            self.numbers = _numbers_of(self._module)
+            self.code = SceneCode.of(self._module, emitter_of)
 
     @property
     def module(self) -> ModuleOp:
-        """The scene's IR after all passes, which run now if the code came from the cache."""
-        if self._module is None:
-            self._module = self._lower(None, locations=False)
+        """The scene's IR after all passes; most of them run now if the code came from the cache."""
+        if self._left:
+            self._run(self._left)
         return self._module
 
-    def _lower(self, dump_to: Path | None, *, locations: bool) -> ModuleOp:
-        assert self._unlowered is not None
-        module, self._unlowered = self._unlowered, None
+    def _lift(self) -> str:
+        """Runs the passes up to lift-constants: the numbers of the scene, and a digest of it without them, as JSON."""
+        self._run(LIFTING)
+        numbers = {symbol: array.ravel().tolist() for symbol, array in _numbers_of(self._module).items()}
+        return json.dumps({"numbers": numbers, "key": digest_of(text_of_key(self._module))})
+
+    def _run(self, passes: Sequence[ModulePass], dump_to: Path | None = None, *, locations: bool = False) -> None:
+        """Runs the first of the passes that are left."""
+        self._left = self._left[len(passes) :]
         try:
-            return run_pipeline(module, dump_to, locations=locations)
+            run_pipeline(self._module, dump_to, locations=locations, passes=passes)
         except CompileError as error:
             raise UnsupportedSceneError(str(error)) from error
 
-    def _generate(
-        self,
-        emitter_of: Callable[[SceneView], ObjectEmitter],
-        key: Sequence[str],
-        dump_to: Path | None,
-        *,
-        locations: bool,
-    ) -> SceneCode:
-        """The generated code: of an equal scene, of whatever size, from the cache of compiled code."""
-        if dump_to is not None:
-            self._module = self._lower(dump_to, locations=locations)
-            return SceneCode.of(self._module, emitter_of)
 
-        def make() -> str:
-            return SceneCode.of(self.module, emitter_of).to_text()
-
-        assert self._unlowered is not None
-        parts = [text_without_sizes(self._unlowered), *key, compiler_digest()]
-        return SceneCode.from_text(kept_text("scene", parts, make))
+def _numbers_of(module: ModuleOp) -> dict[str, FloatArray]:
+    storages = [op for op in module.walk() if isinstance(op, StorageOp)]
+    known = {op.symbol: op.known_numbers() for op in storages}
+    return {symbol: numbers for symbol, numbers in known.items() if numbers is not None}

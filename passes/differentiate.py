@@ -24,14 +24,12 @@ from yasps.dialects.rel import (
     AttributeOp,
     Container,
     CurvatureOp,
-    DataOp,
     DerivativeOp,
     EnergyOp,
     JacobianOp,
     JoinOp,
     ReadOp,
     RefOp,
-    TargetOp,
     UnionOp,
     YieldCurvatureOp,
     YieldDerivativeOp,
@@ -44,6 +42,7 @@ from yasps.passes.dependence import Dependence, DependenceMap, size_of
 from yasps.passes.derivatives import directional, jacobian, pull_back, stacked
 from yasps.passes.errors import working_on
 from yasps.passes.linear_cut import constant_map, linear_cut
+from yasps.passes.reach import Reach
 
 
 @dataclass(frozen=True)
@@ -62,9 +61,8 @@ class _Differentiation:
         block = container.body.block
         self.block = block
         self.attributes = {op.symbol: op for op in block.ops if isinstance(op, AttributeOp)}
-        self.targets = {name_of(op.variable) for op in block.ops if isinstance(op, TargetOp)}
         self.energies = [op for op in block.ops if isinstance(op, EnergyOp)]
-        self._reaches: dict[str, bool] = {}
+        self.reach = Reach(block)
         self._jacobians: dict[str, JacobianOp] = {}
         self._curvatures: dict[str, CurvatureOp] = {}
 
@@ -79,35 +77,13 @@ class _Differentiation:
         for op in (*self._jacobians.values(), *self._curvatures.values(), *made):
             self.block.add_op(op)
 
-    def reaches_target(self, name: str) -> bool:
-        """Does the attribute or storage depend on a target?"""
-        if name in self.targets:
-            return True
-        if name not in self.attributes:
-            return False
-        if name not in self._reaches:
-            self._reaches[name] = False
-            self._reaches[name] = any(self.is_active(op) for op in self.attributes[name].body.walk())
-        return self._reaches[name]
-
-    def is_active(self, op: Operation) -> bool:
-        """Is this a boundary read that depends on a target?"""
-        if isinstance(op, UnionOp):
-            return any(self.reaches_target(name_of(member)) for member in op.members)
-        if isinstance(op, DataOp):
-            return name_of(op.storage) in self.targets
-        if isinstance(op, JoinOp | RefOp):
-            source = source_of(op)
-            return source is not None and self.reaches_target(source)
-        return False
-
     def copy_body(
         self, attribute: AttributeOp, block: Block | None = None
     ) -> tuple[BodyBuilder, SSAValue, list[SSAValue]]:
         """A new body with the attribute's primal operations, its value, and its active boundary inputs."""
         b = BodyBuilder(block or Block())
         value = inline_body(b, self.attributes, attribute)
-        active: list[SSAValue] = [op.result for op in b.body.ops if isinstance(op, ReadOp) and self.is_active(op)]
+        active: list[SSAValue] = [op.result for op in b.body.ops if isinstance(op, ReadOp) and self.reach.is_active(op)]
         return b, value, active
 
     def differentiate_energy(self, energy: EnergyOp) -> DerivativeOp | None:
@@ -182,7 +158,7 @@ class _Differentiation:
                 self.need_jacobian(source)
 
     def need_jacobian(self, name: str) -> None:
-        if name in self._jacobians or name not in self.attributes or not self.reaches_target(name):
+        if name in self._jacobians or name not in self.attributes or not self.reach.reaches_target(name):
             return
         attribute = self.attributes[name]
         if is_union(attribute):

@@ -12,8 +12,9 @@ import numpy as np
 from numpy.typing import NDArray
 from xdsl.ir import Block, SSAValue
 
-from yasps.dialects.mat import MatBuilder, MatOp
+from yasps.dialects.mat import MatBuilder, MatOp, shape_of
 from yasps.dialects.mat.base import constant_value
+from yasps.dialects.mat.elementwise import DivideOp, ScaleOp
 from yasps.passes.dependence import Dependence, DependenceMap, size_of
 from yasps.passes.derivatives import jacobian
 
@@ -82,16 +83,38 @@ class ConstantMap:
     """[rank, entries of all inputs]: rows of the values' Jacobian."""
 
 
+def coefficients(
+    dependence: DependenceMap, inputs: list[SSAValue]
+) -> tuple[list[SSAValue], NDArray[np.float64] | None]:
+    """What an energy is nonlinear in, and its Jacobian with respect to the inputs, None where that depends on data.
+
+    A number that a whole value is multiplied with or divided by is left out: the energy is nonlinear in what it is a
+    factor of as well.
+    """
+    values = list(dict.fromkeys(_without_factors(dependence, value) for value in used_nonlinearly(dependence)))
+    scratch = MatBuilder(Block())
+    matrix = constant_value(jacobian(scratch, values, inputs)) if values else None
+    scratch.body.erase(safe_erase=False)
+    return values, matrix
+
+
+def _without_factors(dependence: DependenceMap, value: SSAValue) -> SSAValue:
+    """What an affine value is a multiple of, by a number that no input changes."""
+    while isinstance(value.owner, ScaleOp | DivideOp):
+        (inner,) = [operand for operand in value.owner.operands if dependence.is_active(operand)]
+        if shape_of(inner) != shape_of(value):
+            break
+        value = inner
+    return value
+
+
 def constant_map(dependence: DependenceMap, inputs: list[SSAValue], narrower_than: int) -> ConstantMap | None:
     """How the energy sees its inputs, if that is by constant coefficients of a rank below `narrower_than`.
 
     So a hinge or a pair of triangles written with more differences than are independent is still projected at the
     width of the independent ones: 9, not 12.
     """
-    values = used_nonlinearly(dependence)
-    scratch = MatBuilder(Block())
-    matrix = constant_value(jacobian(scratch, values, inputs)) if values else None
-    scratch.body.erase(safe_erase=False)
+    values, matrix = coefficients(dependence, inputs)
     if matrix is None:
         return None  # the coefficients are data
     chosen: list[int] = []

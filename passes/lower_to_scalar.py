@@ -2,12 +2,13 @@
 
 Zeros, identities and symmetry are exploited while the hash-consed scalar graph is built; of symmetric matrices only the
 upper triangle is asked for, so nothing else is computed. A body is cut in two at its projection, which is the
-runtime's.
+runtime's. What is computed from constants of the mesh or the scene alone is the same for all instances: it becomes a
+function of its own, called `uniform`.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass
 from typing import cast
 
@@ -24,14 +25,17 @@ from yasps.dialects.rel import (
     AttributeOp,
     Container,
     CurvatureOp,
+    DataOp,
     DerivativeOp,
     JacobianOp,
     ProjectOp,
     ReadOp,
+    StorageOp,
     YieldCurvatureOp,
     YieldDerivativeOp,
     YieldJacobianOp,
     YieldOp,
+    name_of,
     packed_size,
 )
 from yasps.dialects.scalar_graph import Node, ScalarGraph
@@ -98,10 +102,13 @@ class _Stage:
         self._entries: dict[SSAValue, list[Node]] = {}
         self._count = 0
 
-    def add_input(self, value: SSAValue, symmetric_width: int | None = None) -> None:
-        """Makes all entries of the value inputs of the function; of a packed symmetric one, the whole matrix."""
+    def add_input(self, value: SSAValue, symmetric_width: int | None = None, *, uniform: bool = False) -> None:
+        """Makes all entries of the value inputs of the function; of a packed symmetric one, the whole matrix.
+
+        uniform: they are the same for all instances.
+        """
         size = size_of(value) if symmetric_width is None else packed_size(symmetric_width)
-        nodes = [self.graph.input(self._count + k) for k in range(size)]
+        nodes = [self.graph.input(self._count + k, uniform=uniform) for k in range(size)]
         self._count += size
         self.inputs.append(value)
         self._entries[value] = nodes if symmetric_width is None else _unpacked(nodes, symmetric_width)
@@ -129,6 +136,24 @@ class _Stage:
         entries = self.entries(value)
         return [entries[i * size + j] for i in range(size) for j in range(i, size)]
 
+    def used(
+        self,
+        graph: ScalarGraph,
+        outputs: Sequence[Node],
+        values: dict[SSAValue, SSAValue],
+        given: Collection[Node] = (),
+    ) -> tuple[list[SSAValue], list[Node]]:
+        """What the outputs need besides the `given` nodes: inputs by their values now, and nodes of all entries."""
+        needed = {n for n in graph.reachable(outputs, given) if graph.kinds[n] == "input" and n not in given}
+        operands, nodes, position = [], [], 0
+        for value in self.inputs:
+            entries = [graph.input(position + k) for k in range(size_of(values[value]))]
+            position += len(entries)
+            if not needed.isdisjoint(entries):
+                operands.append(values[value])
+                nodes += entries
+        return operands, nodes
+
 
 def _unpacked(upper: Sequence[Node], width: int) -> list[Node]:
     start = [i * width - i * (i - 1) // 2 - i for i in range(width)]  # of row i, less i
@@ -136,34 +161,34 @@ def _unpacked(upper: Sequence[Node], width: int) -> list[Node]:
 
 
 def _function(
-    name: str, graph: ScalarGraph, inputs: Sequence[Attribute], outputs: Sequence[Node], element: Attribute
+    name: str, graph: ScalarGraph, arguments: Sequence[Node], outputs: Sequence[Node], element: Attribute
 ) -> func.FuncOp:
-    """Writes the nodes the outputs need as a `func.func` from these input types to `element`."""
-    block = Block(arg_types=list(inputs))
-    values: dict[Node, SSAValue] = {}
-    for node in graph.reachable(outputs):
-        kind, arguments = graph.kinds[node], [values[a] for a in graph.arguments[node]]
-        if kind == "input":
-            values[node] = block.args[int(graph.values[node])]
+    """Writes the nodes the outputs need as a `func.func` of these nodes, from `element` to `element`."""
+    inputs = [element] * len(arguments)
+    block = Block(arg_types=inputs)
+    values: dict[Node, SSAValue] = dict(zip(arguments, block.args, strict=True))
+    for node in graph.reachable(outputs, values):
+        if node in values:
             continue
+        kind, operands = graph.kinds[node], [values[a] for a in graph.arguments[node]]
         if kind == "constant":
             op = _constant(graph.values[node], element)
         elif kind == "power":
             exponent = _constant(graph.values[node], f64)
             block.add_op(exponent)
-            op = math.PowFOp(arguments[0], exponent.results[0])
+            op = math.PowFOp(operands[0], exponent.results[0])
         elif kind in COMPARISONS:
-            op = arith.CmpfOp(arguments[0], arguments[1], COMPARISONS[kind])
+            op = arith.CmpfOp(operands[0], operands[1], COMPARISONS[kind])
         elif kind == "select":
-            op = arith.SelectOp(*arguments)
+            op = arith.SelectOp(*operands)
         elif kind in BINARY:
-            op = BINARY[kind](*arguments)
+            op = BINARY[kind](*operands)
         else:
-            op = UNARY[kind](*arguments)
+            op = UNARY[kind](*operands)
         block.add_op(op)
         values[node] = op.results[0]
     block.add_op(func.ReturnOp(*[values[node] for node in outputs]))
-    return func.FuncOp(name, (list(inputs), [element] * len(outputs)), Region(block))
+    return func.FuncOp(name, (inputs, [element] * len(outputs)), Region(block))
 
 
 def _constant(value: float, element: Attribute) -> Operation:
@@ -183,40 +208,51 @@ def _call(
     element: Float64Type | IntegerType = f64,
     shapes: Sequence[tuple[int, int]] | None = None,
 ) -> Sequence[SSAValue]:
-    """Adds the stage's function to the container and a call of it to the body, with the inputs it uses."""
-    flat = [node for part in outputs for node in part]
-    used = {int(stage.graph.values[n]) for n in stage.graph.reachable(flat) if stage.graph.kinds[n] == "input"}
-    graph, kept, position, renumbered = stage.graph, [], 0, 0
-    for value in stage.inputs:
-        size = size_of(values[value])
-        if used & set(range(position, position + size)):
-            kept.append(values[value])
-            for k in range(size):
-                if position + k in used:
-                    graph.values[graph.input(position + k)] = float(renumbered + k)
-            renumbered += size
-        position += size
-    graph, flat = tidied(graph, flat)
-    types = [element] * renumbered
-    container.body.block.add_op(_function(name, graph, types, flat, element))
+    """Adds the stage's function to the container and a call of it to the body, with the inputs it uses.
+
+    Before it the function and call of what is uniform among what it needs, if there is any.
+    """
+    graph, flat = tidied(stage.graph, [node for part in outputs for node in part])
+    shared = graph.uniform_values(flat)
+    operands, arguments = stage.used(graph, flat, values, shared)
+    if shared:
+        given, nodes = stage.used(graph, shared, values)
+        container.body.block.add_op(_function(f"{name}_uniforms", graph, nodes, shared, element))
+        once = ApplyOp(f"{name}_uniforms", given, [matrix_type((len(shared), 1), element)], uniform=True)
+        b.append(once)
+        operands.append(once.results[0])
+        arguments += shared
+    container.body.block.add_op(_function(name, graph, arguments, flat, element))
     result_shapes = shapes or [(len(part), 1) for part in outputs]
-    call = ApplyOp(name, kept, [matrix_type(shape, element) for shape in result_shapes])
+    call = ApplyOp(name, operands, [matrix_type(shape, element) for shape in result_shapes])
     b.append(call)
     return call.results
 
 
-def _reads(b: BodyBuilder, block: Block, stages: Sequence[_Stage]) -> dict[SSAValue, SSAValue]:
+Definition = AttributeOp | DerivativeOp | JacobianOp | CurvatureOp
+
+
+def _reads(
+    container: Container, definition: Definition, b: BodyBuilder, stages: Sequence[_Stage]
+) -> dict[SSAValue, SSAValue]:
     """Copies the boundary reads into the new body and makes them inputs of the stages."""
     values: dict[SSAValue, SSAValue] = {}
-    for op in block.ops:
+    shared = _shared_constants(container, definition)
+    for op in definition.body.block.ops:
         if isinstance(op, ReadOp):
             values[op.result] = b.read(op)
             for stage in stages:
-                stage.add_input(op.result)
+                stage.add_input(op.result, uniform=isinstance(op, DataOp) and name_of(op.storage) in shared)
     return values
 
 
-def _replace_body(op: AttributeOp | DerivativeOp | JacobianOp | CurvatureOp, block: Block) -> None:
+def _shared_constants(container: Container, definition: Definition) -> set[str]:
+    """Constants that are the same for all instances: those of the mesh and the scene of the definition's owner."""
+    storages = [op for op in container.body.block.ops if isinstance(op, StorageOp)]
+    return {op.symbol for op in storages if op.constant is not None and op.owner != definition.owner}
+
+
+def _replace_body(op: Definition, block: Block) -> None:
     op.detach_region(op.regions[0])
     op.add_region(Region(block))
 
@@ -228,7 +264,7 @@ def _lower_attribute(container: Container, attribute: AttributeOp) -> None:
     if isinstance(terminator.value.owner, ReadOp):
         return  # a JOIN, UNION or plain data: nothing to compute
     b, stage = BodyBuilder(Block()), _Stage()
-    values = _reads(b, block, [stage])
+    values = _reads(container, attribute, b, [stage])
     type_ = cast(Matrix, terminator.value.type)
     outputs = [stage.entries(terminator.value)]
     shape = shape_of(terminator.value)
@@ -245,7 +281,7 @@ def _lower_derivative(container: Container, derivative: DerivativeOp) -> None:
     projection = next((op for op in block.ops if isinstance(op, ProjectPsdOp)), None)
     name = name_of_function(derivative)
     b, derive, pull = BodyBuilder(Block()), _Stage(), _Stage()
-    values = _reads(b, block, [derive, pull])
+    values = _reads(container, derivative, b, [derive, pull])
     outputs = [derive.entries(terminator.gradient)]
     symmetric = terminator.hessian if projection is None else projection.operands[0]
     if symmetric is not None:
@@ -280,7 +316,7 @@ def _lower_jacobian(container: Container, jacobian: JacobianOp) -> None:
     assert isinstance(terminator, YieldJacobianOp)
     rows, cols = shape_of(terminator.jacobian)
     b, stage = BodyBuilder(Block(arg_types=[matrix_type((rows, 1))])), _Stage()
-    values = _reads(b, block, [stage])
+    values = _reads(container, jacobian, b, [stage])
     cotangent = b.body.args[0]
     stage.add_input(cotangent)
     values[cotangent] = cotangent
@@ -297,7 +333,7 @@ def _lower_curvature(container: Container, curvature: CurvatureOp) -> None:
     terminator = block.last_op
     assert isinstance(terminator, YieldCurvatureOp)
     b, stage = BodyBuilder(Block(arg_types=[block.args[0].type])), _Stage()
-    values = _reads(b, block, [stage])
+    values = _reads(container, curvature, b, [stage])
     stage.add_input(block.args[0])
     values[block.args[0]] = b.body.args[0]
     outputs = [stage.upper(terminator.hessian)]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import gc
 import re
-from collections.abc import Callable, Collection
+from collections.abc import Callable, Collection, Sequence
 from pathlib import Path
 
 from xdsl.context import Context
@@ -24,6 +24,7 @@ from yasps.passes.errors import RULE_BROKEN, CompileError, place_of, reason_of
 from yasps.passes.infer_indices import InferIndices
 from yasps.passes.inline_references import InlineReferences
 from yasps.passes.ir_text import text_of
+from yasps.passes.lift_constants import LiftConstants
 from yasps.passes.lower_to_scalar import LowerToScalar
 from yasps.passes.outline_modules import OutlineModules
 from yasps.passes.project_psd import ProjectPsd
@@ -33,6 +34,7 @@ PIPELINE: tuple[ModulePass, ...] = (
     CanonicalizePass(),
     InlineReferences(),
     CommonSubexpressionElimination(),
+    LiftConstants(),
     Differentiate(),
     ProjectPsd(),
     ProveIsotropy(),
@@ -40,6 +42,8 @@ PIPELINE: tuple[ModulePass, ...] = (
     LowerToScalar(),
     OutlineModules(),
 )
+LIFTING = PIPELINE[: 1 + next(k for k, p in enumerate(PIPELINE) if isinstance(p, LiftConstants))]
+"""The passes up to that after which the code that will come out no longer depends on numbers in formulas."""
 OPTIONAL = frozenset({ProveIsotropy.name})
 """Passes that change how fast the result is, but not what it is."""
 
@@ -59,19 +63,20 @@ def run_pipeline(
     *,
     locations: bool = False,
     without: Collection[str] = (),
+    passes: Sequence[ModulePass] | None = None,
 ) -> ModuleOp:
     """Runs every pass on the module, in place, and verifies after each.
 
     dump_to: folder for `00-frontend.mlir`, `01-canonicalize.mlir`, ..., where `locations` says whether each attribute
     tells the line of Python that made it; after: called with each stage's name and module; without: names of OPTIONAL
-    passes to leave out.
+    passes to leave out; passes: those to run, not all.
 
     Raises CompileError that names the pass, the attribute and that line, the dump of a stage that does not verify is
     there to read; ValueError for a pass that can't be left out.
     """
     if not OPTIONAL.issuperset(without):
         raise ValueError(f"only {', '.join(sorted(OPTIONAL))} can be left out, not {', '.join(sorted(without))}")
-    passes = tuple(p for p in PIPELINE if p.name not in without)
+    passes = tuple(p for p in (PIPELINE if passes is None else passes) if p.name not in without)
     stage = 0
 
     def dump(previous: ModulePass | None, current: ModuleOp, following: ModulePass | None) -> None:

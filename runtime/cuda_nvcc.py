@@ -25,7 +25,8 @@ class CudaNotFoundError(RuntimeError):
 class Nvcc:
     """The compiler nvcc, and nvlink, the device linker that comes with it.
 
-    release: (13, 0). key: a digest of its version, its CUB and the host's compiler. host_flags: name that compiler.
+    release: (13, 0). key: a digest of its version, its CUB, the host's compiler and the flags that environment
+    variables add. host_flags: name that compiler.
     library_flags: where the toolkit's libraries are, for a link on the host.
     """
 
@@ -54,7 +55,8 @@ def find_nvcc(setting: str | Path | None = None) -> Nvcc:
     root = path.parent.parent
     host_flags, host_key = _host_compiler()
     libraries = tuple(f"-L{root / name}" for name in ("lib64", "lib") if (root / name / "libcudart_static.a").is_file())
-    key = digest_of(str(path), linker, version, _cub_version(root), host_key)
+    added = [os.environ.get(name, "") for name in ("NVCC_PREPEND_FLAGS", "NVCC_APPEND_FLAGS")]
+    key = digest_of(str(path), linker, version, _cub_version(root), host_key, *added)
     return Nvcc(path, Path(linker), (int(release[1]), int(release[2])), key, host_flags, libraries)
 
 

@@ -1,11 +1,13 @@
 """Compiles C++ text to shared libraries, in parallel, with a cache that all processes of a user share (build_cache).
 
-Keys are made of the source text, the flags, the compiler's version and what `-march=native` means on this processor.
+Keys are made of the source text, the flags, the compiler's version, what `-march=native` means on this processor, the C
+library and the environment variables that a compiler listens to.
 """
 
 from __future__ import annotations
 
 import os
+import platform
 import shlex
 import shutil
 import subprocess
@@ -53,6 +55,17 @@ DEFAULT_FLAGS = (
     "-fno-math-errno",
     "-fno-trapping-math",
     "-ffp-contract=fast",
+)
+
+#: Environment variables by which compilers choose headers, libraries and their own parts.
+_HEEDED = (
+    "CPATH",
+    "CPLUS_INCLUDE_PATH",
+    "LIBRARY_PATH",
+    "COMPILER_PATH",
+    "GCC_EXEC_PREFIX",
+    "SDKROOT",
+    "MACOSX_DEPLOYMENT_TARGET",
 )
 
 _MESSAGE_LINES = 12
@@ -137,7 +150,8 @@ class Compiler:
 
     command: program and leading arguments (as in CXX="ccache g++").
     version: the first line of its `--version`.
-    target: digest of the macros it predefines, which name every instruction set `-march=native` turns on.
+    target: digest of the macros it predefines, which name every instruction set `-march=native` turns on, of the C
+    library's version, and of the environment variables it heeds.
     has_vector_math: glibc's libmvec (`_ZGVdN4v_log` and its sisters) links and runs with `-lmvec -lm`.
     has_openmp: a program with `-fopenmp` compiles and runs.
     """
@@ -171,7 +185,9 @@ def find_compiler(flags: Sequence[str] = DEFAULT_FLAGS) -> Compiler:
     command, origin = _find_command()
     version = _output_of([*command, "--version"], origin).splitlines()
     macros = _output_of([*command, *flags, "-x", "c++", "-dM", "-E", os.devnull], origin)
-    compiler = Compiler(command, version[0] if version else "", digest_of(macros), tuple(flags), False, False)
+    heeded = [os.environ.get(name, "") for name in _HEEDED]
+    target = digest_of(macros, *platform.libc_ver(), *heeded)
+    compiler = Compiler(command, version[0] if version else "", target, tuple(flags), False, False)
     return replace(
         compiler,
         has_vector_math=_probe(compiler, "vector-math", _VECTOR_MATH_PROBE, ("-lmvec", "-lm")),

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import cast
 
-from xdsl.dialects.builtin import ArrayAttr, IntegerAttr, IntegerType, StringAttr, SymbolRefAttr, i64
+from xdsl.dialects.builtin import ArrayAttr, IntegerAttr, IntegerType, StringAttr, SymbolRefAttr, UnitAttr, i64
 from xdsl.ir import Attribute, SSAValue
 from xdsl.irdl import (
     AttrSizedOperandSegments,
@@ -126,20 +126,33 @@ class TargetIndexOp(ReadOp):
 
 @irdl_op_definition
 class ApplyOp(IRDLOperation):
-    """Calls a scalar function with all entries of the operands, row-major; its results fill the results likewise."""
+    """Calls a scalar function with all entries of the operands, row-major; its results fill the results likewise.
+
+    A `uniform` one reads only what is the same for all instances, so that a kernel calls it once.
+    """
 
     name = "rel.apply"
     function = prop_def(SymbolRefAttr)
+    uniform = opt_prop_def(UnitAttr)
     inputs = var_operand_def()
     values = var_result_def()
     traits = traits_def(Pure())
     irdl_options = (ParsePropInAttrDict(),)
-    assembly_format = "$function `(` $inputs `)` attr-dict `:` functional-type(operands, results)"
+    assembly_format = (
+        "$function `(` $inputs `)` (`uniform` $uniform^)? attr-dict `:` functional-type(operands, results)"
+    )
 
-    def __init__(self, function: str, inputs: Sequence[SSAValue], result_types: Sequence[Matrix]) -> None:
-        super().__init__(
-            properties={"function": symbol(function)}, operands=[list(inputs)], result_types=[list(result_types)]
-        )
+    def __init__(
+        self, function: str, inputs: Sequence[SSAValue], result_types: Sequence[Matrix], *, uniform: bool = False
+    ) -> None:
+        properties: dict[str, Attribute] = {"function": symbol(function)}
+        if uniform:
+            properties["uniform"] = UnitAttr()
+        super().__init__(properties=properties, operands=[list(inputs)], result_types=[list(result_types)])
+
+    def verify_(self) -> None:
+        if self.uniform is not None and not all(isinstance(value.owner, DataOp) for value in self.inputs):
+            raise VerifyException("a uniform call reads stored numbers only")
 
 
 @irdl_op_definition

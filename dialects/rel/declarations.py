@@ -5,7 +5,18 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import cast
 
-from xdsl.dialects.builtin import ArrayAttr, IntegerAttr, StringAttr, SymbolNameConstraint, SymbolRefAttr, UnitAttr, i64
+import numpy as np
+from numpy.typing import NDArray
+from xdsl.dialects.builtin import (
+    ArrayAttr,
+    DenseIntOrFPElementsAttr,
+    IntegerAttr,
+    StringAttr,
+    SymbolNameConstraint,
+    SymbolRefAttr,
+    UnitAttr,
+    i64,
+)
 from xdsl.ir import Attribute, Block, Operation, Region
 from xdsl.irdl import (
     IRDLOperation,
@@ -20,7 +31,7 @@ from xdsl.traits import IsolatedFromAbove, NoTerminator, OpTrait, SymbolOpInterf
 from xdsl.utils.exceptions import VerifyException
 
 from yasps.dialects.mat import Matrix, Shape
-from yasps.dialects.mat.base import MOST_ENTRIES, is_matrix_type
+from yasps.dialects.mat.base import MOST_ENTRIES, dense, is_matrix_type
 
 PROJECTIONS = ("clamp", "abs", "none")
 
@@ -166,19 +177,25 @@ class ConnectivityOp(Declaration):
 class StorageOp(Declaration):
     """Numbers the user supplies, one matrix for each instance of the owner (paper, 4.2).
 
-    A constant never takes part in differentiation.
+    A constant never takes part in differentiation. `numbers`: those of a constant of the scene that `lift-constants`
+    took out of formulas; no code depends on them.
     """
 
     name = "rel.storage"
     owner = prop_def(SymbolRefAttr)
     type = prop_def(Attribute)
     constant = opt_prop_def(UnitAttr)
-    assembly_format = "$sym_name `on` $owner `:` $type (`constant` $constant^)? attr-dict"
+    numbers = opt_prop_def(DenseIntOrFPElementsAttr)
+    assembly_format = "$sym_name `on` $owner `:` $type (`constant` $constant^)? (`numbers` $numbers^)? attr-dict"
 
-    def __init__(self, name: str, owner: str, type_: Matrix, constant: bool) -> None:
+    def __init__(
+        self, name: str, owner: str, type_: Matrix, constant: bool, numbers: NDArray[np.float64] | None = None
+    ) -> None:
         properties: dict[str, Attribute] = {"sym_name": StringAttr(name), "owner": symbol(owner), "type": type_}
         if constant:
             properties["constant"] = UnitAttr()
+        if numbers is not None:
+            properties["numbers"] = dense(numbers, type_)
         super().__init__(properties=properties)
 
     def verify_(self) -> None:
@@ -186,6 +203,14 @@ class StorageOp(Declaration):
             raise VerifyException(
                 f"{self.symbol} must be a matrix tensor<RxCxf64> of 1 to {MOST_ENTRIES} entries, not {self.type}"
             )
+        if self.numbers is not None and (self.constant is None or self.numbers.type != self.type):
+            raise VerifyException(f"{self.symbol} has numbers: it must be a constant of their type {self.numbers.type}")
+
+    def known_numbers(self) -> NDArray[np.float64] | None:
+        """The numbers taken out of formulas, [1, rows, columns]; None for numbers of the user."""
+        if self.numbers is None:
+            return None
+        return np.array(self.numbers.get_values(), np.float64).reshape(1, *storage_shape(self))
 
 
 @irdl_op_definition

@@ -119,7 +119,7 @@ def test_generated_sources_are_dumped_under_the_users_names(tmp_path: Path) -> N
 def test_the_dump_folder_of_the_environment(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("YASPS_DUMP_IR", str(tmp_path))
     soft_tets(name="watched").compile()
-    assert (tmp_path / "watched" / "09-outline-modules.mlir").exists()
+    assert (tmp_path / "watched" / "10-outline-modules.mlir").exists()
 
 
 # -- outputs -------------------------------------------------------------------------------------------------

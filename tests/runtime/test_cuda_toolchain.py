@@ -282,6 +282,16 @@ def test_nvcc_is_looked_for_in_order(tmp_path: Path, monkeypatch: pytest.MonkeyP
     assert find_nvcc(link).key == find_nvcc(places["home"]).key != find_nvcc(places["path"]).key
 
 
+def test_flags_from_the_environment_are_part_of_nvccs_key(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    nvcc = fake_nvcc(tmp_path, "13.0")
+    keys = [find_nvcc(nvcc).key]
+    for variable in ("NVCC_PREPEND_FLAGS", "NVCC_APPEND_FLAGS"):
+        with monkeypatch.context() as patch:
+            patch.setenv(variable, "-lineinfo")
+            keys.append(find_nvcc(nvcc).key)
+    assert len(set(keys)) == 3
+
+
 def test_the_packaged_nvcc_is_found_last(cuda: CudaToolchain, monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     if importlib.util.find_spec("nvidia") is None:
         pytest.skip("needs nvcc from pip")

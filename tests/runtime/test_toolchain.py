@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ctypes
 import os
+import platform
 from dataclasses import replace
 from pathlib import Path
 
@@ -49,6 +50,19 @@ def test_compiles_links_and_caches(compiler: Compiler, cache: Path) -> None:
     assert [item.path for item in again] == [objects[1].path, objects[0].path]
     assert link(objects, compiler).cached
     assert not [path for path in cache.iterdir() if path.name.startswith(".")], "temporary files are left"
+
+
+@pytest.mark.usefixtures("cache")
+def test_the_surroundings_are_part_of_the_key(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    """Other headers, libraries or another C library make other code of the same text with the same compiler."""
+    keys = [find_compiler().key()]
+    for variable in ("CPATH", "CPLUS_INCLUDE_PATH", "LIBRARY_PATH"):
+        with monkeypatch.context() as patch:
+            patch.setenv(variable, str(tmp_path))
+            keys.append(find_compiler().key())
+    monkeypatch.setattr(platform, "libc_ver", lambda: ("glibc", "2.99"))
+    keys.append(find_compiler().key())
+    assert len(set(keys)) == len(keys)
 
 
 @pytest.mark.usefixtures("cache")

@@ -20,27 +20,38 @@ static inline V v_log(V a) {
 #endif
 
 extern "C" void yasps<both.v.x>_value(Arguments, long, double*);
-static inline void value_pack(const V* x0, V* y0) {
-    const V t7 = x0[0] - x0[3];
-    const V t8 = x0[1] - x0[4];
-    const V t9 = x0[2] - x0[5];
-    const V t10 = t7 * t7;
+static inline void value_uniforms_one(const double* x0, double* y0) {
+    const double t3 = 1.0 / x0[0];
+    y0[0] = x0[1];
+    y0[1] = t3;
+}
+
+static inline void value_pack(const V* x0, const V* x1, V* y0) {
+    const V t8 = x0[0] - x0[3];
+    const V t9 = x0[1] - x0[4];
+    const V t10 = x0[2] - x0[5];
     const V t11 = t8 * t8;
     const V t12 = t9 * t9;
-    const V t13 = t10 + t12;
+    const V t13 = t10 * t10;
     const V t14 = t11 + t13;
-    const V t15 = t14 / splat(2.5);
-    const V t16 = v_log(t15);
-    const V t17 = splat(2.5) - t14;
-    const V t18 = t17 * t17;
-    const V t19 = t16 * t18;
-    const V t20 = t16 * t19;
-    y0[0] = t20;
+    const V t15 = t12 + t14;
+    const V t16 = x1[1] * t15;
+    const V t17 = v_log(t16);
+    const V t18 = x1[0] - t15;
+    const V t19 = t18 * t18;
+    const V t20 = t17 * t19;
+    const V t21 = t17 * t20;
+    y0[0] = t21;
 }
 
 extern "C" void yasps<both.pp.barrier>_batch(Arguments a, long begin, long end, double* out) {
-    const int* const p0 = (const int*)a[0];
-    Arguments const p1 = (Arguments)a[1];
+    const double* const p0 = (const double*)a[0];
+    const int* const p1 = (const int*)a[1];
+    Arguments const p2 = (Arguments)a[2];
+    double u0_one[2];
+    value_uniforms_one(p0, u0_one);
+    V u0[2];
+    for (long e = 0; e < 2; ++e) u0[e] = splat(u0_one[e]);
     for (long first = begin; first < end; first += 8) {
         const long lanes = end - first < 8 ? end - first : 8;
         V r0[6];
@@ -49,15 +60,15 @@ extern "C" void yasps<both.pp.barrier>_batch(Arguments a, long begin, long end, 
             const long i = first + (l < lanes ? l : lanes - 1);
             double one[6];
             for (long s = 0; s < 2; ++s) {
-                const long j = p0[i * 2 + s];
-                yasps<both.v.x>_value(p1, j, (one + s * 3));
+                const long j = p1[i * 2 + s];
+                yasps<both.v.x>_value(p2, j, (one + s * 3));
             }
             for (long e = 0; e < 6; ++e) r0[e][l] = one[e];
             (void)i;
         }
         (void)at;
         V y[1];
-        value_pack(r0, y);
+        value_pack(r0, u0, y);
         for (long l = 0; l < lanes; ++l)
             for (long e = 0; e < 1; ++e) out[(first + l) * 1 + e] = y[e][l];
     }

@@ -6,6 +6,8 @@ builtin.module {
     rel.connectivity @m.t.corners from @m.t to @m.v arity 4 : i64
     rel.storage @m.v.x on @m.v : tensor<3x1xf64>
     rel.storage @m.v.mass on @m.v : tensor<1x1xf64> constant
+    rel.storage @m.t.swell.numbers on @soft_tets : tensor<1x1xf64> constant numbers dense<3.000000e+00> : tensor<1x1xf64>
+    rel.storage @m.v.gravity.numbers on @soft_tets : tensor<1x1xf64> constant numbers dense<9.800000e+00> : tensor<1x1xf64>
     rel.attribute @m.t.swell on @m.t : tensor<1x1xf64>
     rel.attribute @m.v.gravity on @m.v : tensor<1x1xf64>
     rel.energy @m.t.swell projection "clamp"
@@ -17,12 +19,80 @@ builtin.module {
   }
   rel.object @m.t.swell.object entries ["batch"] {
     rel.attribute @m.t.swell on @m.t : tensor<1x1xf64> {
-      %0 = rel.join @m.v.x through @m.t.corners : tensor<4x3xf64>
-      %1 = rel.apply @m.t.swell.value(%0) : (tensor<4x3xf64>) -> tensor<1x1xf64>
-      rel.yield %1 : tensor<1x1xf64>
+      %0 = rel.data @m.t.swell.numbers : tensor<1x1xf64>
+      %1 = rel.join @m.v.x through @m.t.corners : tensor<4x3xf64>
+      %2 = rel.apply @m.t.swell.value_uniforms(%0) uniform : (tensor<1x1xf64>) -> tensor<1x1xf64>
+      %3 = rel.apply @m.t.swell.value(%1, %2) : (tensor<4x3xf64>, tensor<1x1xf64>) -> tensor<1x1xf64>
+      rel.yield %3 : tensor<1x1xf64>
     }
-    func.func @m.t.swell.value(%0: f64, %1: f64, %2: f64, %3: f64, %4: f64, %5: f64, %6: f64, %7: f64, %8: f64, %9: f64, %10: f64, %11: f64) -> f64 {
-      %12 = arith.constant 5.000000e-01 : f64
+    func.func @m.t.swell.value_uniforms(%0: f64) -> f64 {
+      func.return %0 : f64
+    }
+    func.func @m.t.swell.value(%0: f64, %1: f64, %2: f64, %3: f64, %4: f64, %5: f64, %6: f64, %7: f64, %8: f64, %9: f64, %10: f64, %11: f64, %12: f64) -> f64 {
+      %13 = arith.constant 5.000000e-01 : f64
+      %14 = arith.subf %0, %9 : f64
+      %15 = arith.subf %1, %10 : f64
+      %16 = arith.subf %2, %11 : f64
+      %17 = arith.subf %0, %6 : f64
+      %18 = arith.subf %1, %7 : f64
+      %19 = arith.subf %2, %8 : f64
+      %20 = arith.subf %0, %3 : f64
+      %21 = arith.subf %1, %4 : f64
+      %22 = arith.subf %2, %5 : f64
+      %23 = arith.mulf %16, %18 : f64
+      %24 = arith.mulf %15, %19 : f64
+      %25 = arith.subf %23, %24 : f64
+      %26 = arith.mulf %16, %17 : f64
+      %27 = arith.mulf %14, %19 : f64
+      %28 = arith.subf %26, %27 : f64
+      %29 = arith.mulf %15, %17 : f64
+      %30 = arith.mulf %14, %18 : f64
+      %31 = arith.subf %29, %30 : f64
+      %32 = arith.mulf %20, %25 : f64
+      %33 = arith.mulf %21, %28 : f64
+      %34 = arith.mulf %22, %31 : f64
+      %35 = arith.addf %13, %34 : f64
+      %36 = arith.addf %32, %35 : f64
+      %37 = arith.subf %36, %33 : f64
+      %38 = arith.mulf %37, %37 : f64
+      %39 = arith.mulf %12, %38 : f64
+      func.return %39 : f64
+    }
+  }
+  rel.object @m.v.gravity.object entries ["batch"] {
+    rel.attribute @m.v.gravity on @m.v : tensor<1x1xf64> {
+      %0 = rel.data @m.v.gravity.numbers : tensor<1x1xf64>
+      %x = rel.data @m.v.x : tensor<3x1xf64>
+      %mass = rel.data @m.v.mass : tensor<1x1xf64>
+      %1 = rel.apply @m.v.gravity.value_uniforms(%0) uniform : (tensor<1x1xf64>) -> tensor<1x1xf64>
+      %2 = rel.apply @m.v.gravity.value(%x, %mass, %1) : (tensor<3x1xf64>, tensor<1x1xf64>, tensor<1x1xf64>) -> tensor<1x1xf64>
+      rel.yield %2 : tensor<1x1xf64>
+    }
+    func.func @m.v.gravity.value_uniforms(%0: f64) -> f64 {
+      func.return %0 : f64
+    }
+    func.func @m.v.gravity.value(%0: f64, %1: f64, %2: f64, %3: f64, %4: f64) -> f64 {
+      %5 = arith.mulf %1, %3 : f64
+      %6 = arith.mulf %4, %5 : f64
+      func.return %6 : f64
+    }
+  }
+  rel.object @m.t.swell.derivative.object entries ["batch"] {
+    rel.derivative @m.t.swell.derivative of @m.t.swell on @m.t projection "clamp" indices @m.t.swell.kappa projects "9x9 of 12x12: the energy reads its inputs through a linear cut; by singular values: isotropic in this 3x3 matrix" {
+      %0 = rel.data @m.t.swell.numbers : tensor<1x1xf64>
+      %1 = rel.join @m.v.x through @m.t.corners : tensor<4x3xf64>
+      %2 = rel.apply @m.t.swell.derive_uniforms(%0) uniform : (tensor<1x1xf64>) -> tensor<1x1xf64>
+      %3, %4, %5 = rel.apply @m.t.swell.derive(%1, %2) : (tensor<4x3xf64>, tensor<1x1xf64>) -> (tensor<12x1xf64>, tensor<45x1xf64>, tensor<9x1xf64>)
+      %6 = rel.project %4 width 9 : i64 mode "clamp" isotropic in %5 : tensor<9x1xf64> : tensor<45x1xf64> -> tensor<45x1xf64>
+      %7 = rel.apply @m.t.swell.pull_back(%6) : (tensor<45x1xf64>) -> tensor<78x1xf64>
+      rel.yield_derivative gradient %3 : tensor<12x1xf64> hessian %7 : tensor<78x1xf64> wrt %1 : tensor<4x3xf64>
+    }
+    func.func @m.t.swell.derive_uniforms(%0: f64) -> f64 {
+      %1 = arith.constant 2.000000e+00 : f64
+      %2 = arith.mulf %1, %0 : f64
+      func.return %2 : f64
+    }
+    func.func @m.t.swell.derive(%0: f64, %1: f64, %2: f64, %3: f64, %4: f64, %5: f64, %6: f64, %7: f64, %8: f64, %9: f64, %10: f64, %11: f64, %12: f64) -> (f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64) {
       %13 = arith.subf %0, %9 : f64
       %14 = arith.subf %1, %10 : f64
       %15 = arith.subf %2, %11 : f64
@@ -41,182 +111,128 @@ builtin.module {
       %28 = arith.mulf %14, %16 : f64
       %29 = arith.mulf %13, %17 : f64
       %30 = arith.subf %28, %29 : f64
-      %31 = arith.mulf %19, %24 : f64
-      %32 = arith.mulf %20, %27 : f64
-      %33 = arith.mulf %21, %30 : f64
-      %34 = arith.addf %12, %33 : f64
-      %35 = arith.addf %31, %34 : f64
-      %36 = arith.subf %35, %32 : f64
-      %37 = arith.constant 3.000000e+00 : f64
-      %38 = arith.mulf %36, %36 : f64
-      %39 = arith.mulf %37, %38 : f64
-      func.return %39 : f64
-    }
-  }
-  rel.object @m.v.gravity.object entries ["batch"] {
-    rel.attribute @m.v.gravity on @m.v : tensor<1x1xf64> {
-      %x = rel.data @m.v.x : tensor<3x1xf64>
-      %mass = rel.data @m.v.mass : tensor<1x1xf64>
-      %0 = rel.apply @m.v.gravity.value(%x, %mass) : (tensor<3x1xf64>, tensor<1x1xf64>) -> tensor<1x1xf64>
-      rel.yield %0 : tensor<1x1xf64>
-    }
-    func.func @m.v.gravity.value(%0: f64, %1: f64, %2: f64, %3: f64) -> f64 {
-      %4 = arith.constant 9.800000e+00 : f64
-      %5 = arith.mulf %1, %3 : f64
-      %6 = arith.mulf %4, %5 : f64
-      func.return %6 : f64
-    }
-  }
-  rel.object @m.t.swell.derivative.object entries ["batch"] {
-    rel.derivative @m.t.swell.derivative of @m.t.swell on @m.t projection "clamp" indices @m.t.swell.kappa projects "9x9 of 12x12: the energy reads its inputs through a linear cut; by singular values: isotropic in this 3x3 matrix" {
-      %0 = rel.join @m.v.x through @m.t.corners : tensor<4x3xf64>
-      %1, %2, %3 = rel.apply @m.t.swell.derive(%0) : (tensor<4x3xf64>) -> (tensor<12x1xf64>, tensor<45x1xf64>, tensor<9x1xf64>)
-      %4 = rel.project %2 width 9 : i64 mode "clamp" isotropic in %3 : tensor<9x1xf64> : tensor<45x1xf64> -> tensor<45x1xf64>
-      %5 = rel.apply @m.t.swell.pull_back(%4) : (tensor<45x1xf64>) -> tensor<78x1xf64>
-      rel.yield_derivative gradient %1 : tensor<12x1xf64> hessian %5 : tensor<78x1xf64> wrt %0 : tensor<4x3xf64>
-    }
-    func.func @m.t.swell.derive(%0: f64, %1: f64, %2: f64, %3: f64, %4: f64, %5: f64, %6: f64, %7: f64, %8: f64, %9: f64, %10: f64, %11: f64) -> (f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64) {
-      %12 = arith.subf %0, %9 : f64
-      %13 = arith.subf %1, %10 : f64
-      %14 = arith.subf %2, %11 : f64
-      %15 = arith.subf %0, %6 : f64
-      %16 = arith.subf %1, %7 : f64
-      %17 = arith.subf %2, %8 : f64
-      %18 = arith.subf %0, %3 : f64
-      %19 = arith.subf %1, %4 : f64
-      %20 = arith.subf %2, %5 : f64
-      %21 = arith.mulf %14, %16 : f64
-      %22 = arith.mulf %13, %17 : f64
-      %23 = arith.subf %21, %22 : f64
-      %24 = arith.mulf %14, %15 : f64
-      %25 = arith.mulf %12, %17 : f64
-      %26 = arith.subf %24, %25 : f64
-      %27 = arith.mulf %13, %15 : f64
-      %28 = arith.mulf %12, %16 : f64
-      %29 = arith.subf %27, %28 : f64
-      %30 = arith.mulf %14, %19 : f64
-      %31 = arith.mulf %13, %20 : f64
-      %32 = arith.subf %30, %31 : f64
-      %33 = arith.mulf %14, %18 : f64
-      %34 = arith.mulf %12, %20 : f64
-      %35 = arith.subf %33, %34 : f64
-      %36 = arith.mulf %13, %18 : f64
-      %37 = arith.mulf %12, %19 : f64
-      %38 = arith.subf %36, %37 : f64
-      %39 = arith.mulf %17, %19 : f64
-      %40 = arith.mulf %16, %20 : f64
-      %41 = arith.subf %39, %40 : f64
-      %42 = arith.mulf %17, %18 : f64
-      %43 = arith.mulf %15, %20 : f64
-      %44 = arith.subf %42, %43 : f64
-      %45 = arith.mulf %16, %18 : f64
-      %46 = arith.mulf %15, %19 : f64
-      %47 = arith.subf %45, %46 : f64
-      %48 = arith.constant 5.000000e-01 : f64
-      %49 = arith.mulf %18, %23 : f64
-      %50 = arith.mulf %19, %26 : f64
-      %51 = arith.mulf %20, %29 : f64
-      %52 = arith.addf %48, %51 : f64
+      %31 = arith.mulf %15, %20 : f64
+      %32 = arith.mulf %14, %21 : f64
+      %33 = arith.subf %31, %32 : f64
+      %34 = arith.mulf %15, %19 : f64
+      %35 = arith.mulf %13, %21 : f64
+      %36 = arith.subf %34, %35 : f64
+      %37 = arith.mulf %14, %19 : f64
+      %38 = arith.mulf %13, %20 : f64
+      %39 = arith.subf %37, %38 : f64
+      %40 = arith.mulf %18, %20 : f64
+      %41 = arith.mulf %17, %21 : f64
+      %42 = arith.subf %40, %41 : f64
+      %43 = arith.mulf %18, %19 : f64
+      %44 = arith.mulf %16, %21 : f64
+      %45 = arith.subf %43, %44 : f64
+      %46 = arith.mulf %17, %19 : f64
+      %47 = arith.mulf %16, %20 : f64
+      %48 = arith.subf %46, %47 : f64
+      %49 = arith.constant 5.000000e-01 : f64
+      %50 = arith.mulf %19, %24 : f64
+      %51 = arith.mulf %20, %27 : f64
+      %52 = arith.mulf %21, %30 : f64
       %53 = arith.addf %49, %52 : f64
-      %54 = arith.subf %53, %50 : f64
-      %55 = arith.constant 6.000000e+00 : f64
-      %56 = arith.mulf %55, %54 : f64
-      %57 = arith.mulf %23, %56 : f64
-      %58 = arith.mulf %26, %56 : f64
-      %59 = arith.mulf %29, %56 : f64
-      %60 = arith.mulf %32, %56 : f64
-      %61 = arith.mulf %35, %56 : f64
-      %62 = arith.mulf %38, %56 : f64
-      %63 = arith.mulf %41, %56 : f64
-      %64 = arith.mulf %44, %56 : f64
-      %65 = arith.mulf %47, %56 : f64
+      %54 = arith.addf %50, %53 : f64
+      %55 = arith.subf %54, %51 : f64
+      %56 = arith.mulf %12, %55 : f64
+      %57 = arith.mulf %24, %56 : f64
+      %58 = arith.mulf %27, %56 : f64
+      %59 = arith.mulf %30, %56 : f64
+      %60 = arith.mulf %33, %56 : f64
+      %61 = arith.mulf %36, %56 : f64
+      %62 = arith.mulf %39, %56 : f64
+      %63 = arith.mulf %42, %56 : f64
+      %64 = arith.mulf %45, %56 : f64
+      %65 = arith.mulf %48, %56 : f64
       %66 = arith.addf %57, %63 : f64
       %67 = arith.subf %66, %60 : f64
       %68 = arith.subf %61, %64 : f64
       %69 = arith.subf %68, %58 : f64
       %70 = arith.addf %59, %65 : f64
       %71 = arith.subf %70, %62 : f64
-      %72 = arith.mulf %16, %56 : f64
-      %73 = arith.mulf %15, %56 : f64
-      %74 = arith.mulf %19, %56 : f64
-      %75 = arith.mulf %18, %56 : f64
-      %76 = arith.mulf %55, %47 : f64
-      %77 = arith.mulf %23, %76 : f64
-      %78 = arith.mulf %26, %76 : f64
-      %79 = arith.mulf %29, %76 : f64
-      %80 = arith.mulf %32, %76 : f64
-      %81 = arith.mulf %35, %76 : f64
-      %82 = arith.mulf %38, %76 : f64
-      %83 = arith.mulf %41, %76 : f64
-      %84 = arith.mulf %44, %76 : f64
-      %85 = arith.mulf %47, %76 : f64
+      %72 = arith.mulf %17, %56 : f64
+      %73 = arith.mulf %16, %56 : f64
+      %74 = arith.mulf %20, %56 : f64
+      %75 = arith.mulf %19, %56 : f64
+      %76 = arith.mulf %12, %48 : f64
+      %77 = arith.mulf %24, %76 : f64
+      %78 = arith.mulf %27, %76 : f64
+      %79 = arith.mulf %30, %76 : f64
+      %80 = arith.mulf %33, %76 : f64
+      %81 = arith.mulf %36, %76 : f64
+      %82 = arith.mulf %39, %76 : f64
+      %83 = arith.mulf %42, %76 : f64
+      %84 = arith.mulf %45, %76 : f64
+      %85 = arith.mulf %48, %76 : f64
       %86 = arith.addf %72, %77 : f64
       %87 = arith.addf %73, %78 : f64
       %88 = arith.addf %74, %80 : f64
       %89 = arith.addf %75, %81 : f64
-      %90 = arith.mulf %17, %56 : f64
-      %91 = arith.mulf %20, %56 : f64
-      %92 = arith.mulf %55, %44 : f64
-      %93 = arith.mulf %23, %92 : f64
-      %94 = arith.mulf %26, %92 : f64
-      %95 = arith.mulf %29, %92 : f64
-      %96 = arith.mulf %32, %92 : f64
-      %97 = arith.mulf %35, %92 : f64
-      %98 = arith.mulf %38, %92 : f64
-      %99 = arith.mulf %41, %92 : f64
-      %100 = arith.mulf %44, %92 : f64
+      %90 = arith.mulf %18, %56 : f64
+      %91 = arith.mulf %21, %56 : f64
+      %92 = arith.mulf %12, %45 : f64
+      %93 = arith.mulf %24, %92 : f64
+      %94 = arith.mulf %27, %92 : f64
+      %95 = arith.mulf %30, %92 : f64
+      %96 = arith.mulf %33, %92 : f64
+      %97 = arith.mulf %36, %92 : f64
+      %98 = arith.mulf %39, %92 : f64
+      %99 = arith.mulf %42, %92 : f64
+      %100 = arith.mulf %45, %92 : f64
       %101 = arith.addf %90, %93 : f64
       %102 = arith.subf %73, %95 : f64
       %103 = arith.addf %91, %96 : f64
       %104 = arith.subf %98, %75 : f64
-      %105 = arith.mulf %55, %41 : f64
-      %106 = arith.mulf %23, %105 : f64
-      %107 = arith.mulf %26, %105 : f64
-      %108 = arith.mulf %29, %105 : f64
-      %109 = arith.mulf %32, %105 : f64
-      %110 = arith.mulf %35, %105 : f64
-      %111 = arith.mulf %38, %105 : f64
-      %112 = arith.mulf %41, %105 : f64
+      %105 = arith.mulf %12, %42 : f64
+      %106 = arith.mulf %24, %105 : f64
+      %107 = arith.mulf %27, %105 : f64
+      %108 = arith.mulf %30, %105 : f64
+      %109 = arith.mulf %33, %105 : f64
+      %110 = arith.mulf %36, %105 : f64
+      %111 = arith.mulf %39, %105 : f64
+      %112 = arith.mulf %42, %105 : f64
       %113 = arith.subf %90, %107 : f64
       %114 = arith.subf %108, %72 : f64
       %115 = arith.subf %110, %91 : f64
       %116 = arith.subf %74, %111 : f64
-      %117 = arith.mulf %13, %56 : f64
-      %118 = arith.mulf %12, %56 : f64
-      %119 = arith.mulf %55, %38 : f64
-      %120 = arith.mulf %23, %119 : f64
-      %121 = arith.mulf %26, %119 : f64
-      %122 = arith.mulf %29, %119 : f64
-      %123 = arith.mulf %32, %119 : f64
-      %124 = arith.mulf %35, %119 : f64
-      %125 = arith.mulf %38, %119 : f64
+      %117 = arith.mulf %14, %56 : f64
+      %118 = arith.mulf %13, %56 : f64
+      %119 = arith.mulf %12, %39 : f64
+      %120 = arith.mulf %24, %119 : f64
+      %121 = arith.mulf %27, %119 : f64
+      %122 = arith.mulf %30, %119 : f64
+      %123 = arith.mulf %33, %119 : f64
+      %124 = arith.mulf %36, %119 : f64
+      %125 = arith.mulf %39, %119 : f64
       %126 = arith.addf %117, %120 : f64
       %127 = arith.addf %118, %121 : f64
-      %128 = arith.mulf %14, %56 : f64
-      %129 = arith.mulf %55, %35 : f64
-      %130 = arith.mulf %23, %129 : f64
-      %131 = arith.mulf %26, %129 : f64
-      %132 = arith.mulf %29, %129 : f64
-      %133 = arith.mulf %32, %129 : f64
-      %134 = arith.mulf %35, %129 : f64
+      %128 = arith.mulf %15, %56 : f64
+      %129 = arith.mulf %12, %36 : f64
+      %130 = arith.mulf %24, %129 : f64
+      %131 = arith.mulf %27, %129 : f64
+      %132 = arith.mulf %30, %129 : f64
+      %133 = arith.mulf %33, %129 : f64
+      %134 = arith.mulf %36, %129 : f64
       %135 = arith.addf %128, %130 : f64
       %136 = arith.subf %132, %118 : f64
-      %137 = arith.mulf %55, %32 : f64
-      %138 = arith.mulf %23, %137 : f64
-      %139 = arith.mulf %26, %137 : f64
-      %140 = arith.mulf %29, %137 : f64
-      %141 = arith.mulf %32, %137 : f64
+      %137 = arith.mulf %12, %33 : f64
+      %138 = arith.mulf %24, %137 : f64
+      %139 = arith.mulf %27, %137 : f64
+      %140 = arith.mulf %30, %137 : f64
+      %141 = arith.mulf %33, %137 : f64
       %142 = arith.subf %139, %128 : f64
       %143 = arith.subf %117, %140 : f64
-      %144 = arith.mulf %55, %29 : f64
-      %145 = arith.mulf %23, %144 : f64
-      %146 = arith.mulf %26, %144 : f64
-      %147 = arith.mulf %29, %144 : f64
-      %148 = arith.mulf %55, %26 : f64
-      %149 = arith.mulf %23, %148 : f64
-      %150 = arith.mulf %26, %148 : f64
-      %151 = arith.mulf %23, %23 : f64
-      %152 = arith.mulf %55, %151 : f64
+      %144 = arith.mulf %12, %30 : f64
+      %145 = arith.mulf %24, %144 : f64
+      %146 = arith.mulf %27, %144 : f64
+      %147 = arith.mulf %30, %144 : f64
+      %148 = arith.mulf %12, %27 : f64
+      %149 = arith.mulf %24, %148 : f64
+      %150 = arith.mulf %27, %148 : f64
+      %151 = arith.mulf %24, %24 : f64
+      %152 = arith.mulf %12, %151 : f64
       %153 = arith.negf %57 : f64
       %154 = arith.negf %59 : f64
       %155 = arith.negf %61 : f64
@@ -238,15 +254,15 @@ builtin.module {
       %171 = arith.negf %82 : f64
       %172 = arith.negf %99 : f64
       %173 = arith.negf %84 : f64
-      %174 = arith.negf %18 : f64
-      %175 = arith.negf %19 : f64
-      %176 = arith.negf %20 : f64
-      %177 = arith.negf %15 : f64
-      %178 = arith.negf %16 : f64
-      %179 = arith.negf %17 : f64
-      %180 = arith.negf %12 : f64
-      %181 = arith.negf %13 : f64
-      %182 = arith.negf %14 : f64
+      %174 = arith.negf %19 : f64
+      %175 = arith.negf %20 : f64
+      %176 = arith.negf %21 : f64
+      %177 = arith.negf %16 : f64
+      %178 = arith.negf %17 : f64
+      %179 = arith.negf %18 : f64
+      %180 = arith.negf %13 : f64
+      %181 = arith.negf %14 : f64
+      %182 = arith.negf %15 : f64
       func.return %67, %69, %71, %153, %58, %154, %60, %155, %62, %156, %64, %157, %152, %158, %145, %159, %135, %160, %106, %161, %86, %150, %162, %142, %163, %127, %113, %94, %164, %147, %143, %136, %165, %114, %102, %79, %141, %166, %123, %167, %103, %168, %134, %169, %115, %170, %89, %125, %116, %104, %171, %112, %172, %83, %100, %173, %85, %174, %175, %176, %177, %178, %179, %180, %181, %182 : f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64
     }
     func.func @m.t.swell.pull_back(%0: f64, %1: f64, %2: f64, %3: f64, %4: f64, %5: f64, %6: f64, %7: f64, %8: f64, %9: f64, %10: f64, %11: f64, %12: f64, %13: f64, %14: f64, %15: f64, %16: f64, %17: f64, %18: f64, %19: f64, %20: f64, %21: f64, %22: f64, %23: f64, %24: f64, %25: f64, %26: f64, %27: f64, %28: f64, %29: f64, %30: f64, %31: f64, %32: f64, %33: f64, %34: f64, %35: f64, %36: f64, %37: f64, %38: f64, %39: f64, %40: f64, %41: f64, %42: f64, %43: f64, %44: f64) -> (f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64) {
@@ -348,16 +364,20 @@ builtin.module {
   }
   rel.object @m.v.gravity.derivative.object entries ["batch"] {
     rel.derivative @m.v.gravity.derivative of @m.v.gravity on @m.v projection "clamp" indices @m.v.gravity.kappa projects "nowhere: the energy is affine, its Hessian is zero" {
+      %0 = rel.data @m.v.gravity.numbers : tensor<1x1xf64>
       %x = rel.data @m.v.x : tensor<3x1xf64>
       %mass = rel.data @m.v.mass : tensor<1x1xf64>
-      %0 = rel.apply @m.v.gravity.derive(%mass) : (tensor<1x1xf64>) -> tensor<3x1xf64>
-      rel.yield_derivative gradient %0 : tensor<3x1xf64> wrt %x : tensor<3x1xf64>
+      %1 = rel.apply @m.v.gravity.derive_uniforms(%0) uniform : (tensor<1x1xf64>) -> tensor<1x1xf64>
+      %2 = rel.apply @m.v.gravity.derive(%mass, %1) : (tensor<1x1xf64>, tensor<1x1xf64>) -> tensor<3x1xf64>
+      rel.yield_derivative gradient %2 : tensor<3x1xf64> wrt %x : tensor<3x1xf64>
     }
-    func.func @m.v.gravity.derive(%0: f64) -> (f64, f64, f64) {
-      %1 = arith.constant 0.000000e+00 : f64
-      %2 = arith.constant 9.800000e+00 : f64
-      %3 = arith.mulf %2, %0 : f64
-      func.return %1, %3, %1 : f64, f64, f64
+    func.func @m.v.gravity.derive_uniforms(%0: f64) -> f64 {
+      func.return %0 : f64
+    }
+    func.func @m.v.gravity.derive(%0: f64, %1: f64) -> (f64, f64, f64) {
+      %2 = arith.constant 0.000000e+00 : f64
+      %3 = arith.mulf %1, %0 : f64
+      func.return %2, %3, %2 : f64, f64, f64
     }
   }
   rel.object @m.v.x.kappa.object entries ["call"] {

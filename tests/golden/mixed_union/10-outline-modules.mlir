@@ -17,6 +17,7 @@ builtin.module {
     rel.storage @stiff.v.rest on @stiff.v : tensor<3x1xf64> constant
     rel.storage @stiff.body.A on @stiff.body : tensor<3x3xf64>
     rel.storage @still.v.x on @still.v : tensor<3x1xf64> constant
+    rel.storage @both.pp.barrier.numbers on @mixed_union : tensor<2x1xf64> constant numbers dense<2.500000e+00> : tensor<2x1xf64>
     rel.attribute @stiff.v.x on @stiff.v : tensor<3x1xf64>
     rel.attribute @both.v.x on @both.v : tensor<3x1xf64>
     rel.attribute @both.pp.barrier on @both.pp : tensor<1x1xf64>
@@ -70,27 +71,33 @@ builtin.module {
   }
   rel.object @both.pp.barrier.object entries ["batch"] {
     rel.attribute @both.pp.barrier on @both.pp : tensor<1x1xf64> {
-      %0 = rel.join @both.v.x through @both.pp.ends : tensor<2x3xf64>
-      %1 = rel.apply @both.pp.barrier.value(%0) : (tensor<2x3xf64>) -> tensor<1x1xf64>
-      rel.yield %1 : tensor<1x1xf64>
+      %0 = rel.data @both.pp.barrier.numbers : tensor<2x1xf64>
+      %1 = rel.join @both.v.x through @both.pp.ends : tensor<2x3xf64>
+      %2 = rel.apply @both.pp.barrier.value_uniforms(%0) uniform : (tensor<2x1xf64>) -> tensor<2x1xf64>
+      %3 = rel.apply @both.pp.barrier.value(%1, %2) : (tensor<2x3xf64>, tensor<2x1xf64>) -> tensor<1x1xf64>
+      rel.yield %3 : tensor<1x1xf64>
     }
-    func.func @both.pp.barrier.value(%0: f64, %1: f64, %2: f64, %3: f64, %4: f64, %5: f64) -> f64 {
-      %6 = arith.constant 2.500000e+00 : f64
-      %7 = arith.subf %0, %3 : f64
-      %8 = arith.subf %1, %4 : f64
-      %9 = arith.subf %2, %5 : f64
-      %10 = arith.mulf %7, %7 : f64
+    func.func @both.pp.barrier.value_uniforms(%0: f64, %1: f64) -> (f64, f64) {
+      %2 = arith.constant 1.000000e+00 : f64
+      %3 = arith.divf %2, %0 : f64
+      func.return %1, %3 : f64, f64
+    }
+    func.func @both.pp.barrier.value(%0: f64, %1: f64, %2: f64, %3: f64, %4: f64, %5: f64, %6: f64, %7: f64) -> f64 {
+      %8 = arith.subf %0, %3 : f64
+      %9 = arith.subf %1, %4 : f64
+      %10 = arith.subf %2, %5 : f64
       %11 = arith.mulf %8, %8 : f64
       %12 = arith.mulf %9, %9 : f64
-      %13 = arith.addf %10, %12 : f64
+      %13 = arith.mulf %10, %10 : f64
       %14 = arith.addf %11, %13 : f64
-      %15 = arith.divf %14, %6 : f64
-      %16 = math.log %15 : f64
-      %17 = arith.subf %6, %14 : f64
-      %18 = arith.mulf %17, %17 : f64
-      %19 = arith.mulf %16, %18 : f64
-      %20 = arith.mulf %16, %19 : f64
-      func.return %20 : f64
+      %15 = arith.addf %12, %14 : f64
+      %16 = arith.mulf %7, %15 : f64
+      %17 = math.log %16 : f64
+      %18 = arith.subf %6, %15 : f64
+      %19 = arith.mulf %18, %18 : f64
+      %20 = arith.mulf %17, %19 : f64
+      %21 = arith.mulf %17, %20 : f64
+      func.return %21 : f64
     }
   }
   rel.object @stiff.v.x.jacobian.object entries ["call"] {
@@ -117,80 +124,85 @@ builtin.module {
   }
   rel.object @both.pp.barrier.derivative.object entries ["batch"] {
     rel.derivative @both.pp.barrier.derivative of @both.pp.barrier on @both.pp projection "clamp" dynamic indices @both.pp.barrier.kappa projects "3x3 of 6x6: the energy reads its inputs through a linear cut" {
-      %0 = rel.join @both.v.x through @both.pp.ends : tensor<2x3xf64>
-      %1, %2 = rel.apply @both.pp.barrier.derive(%0) : (tensor<2x3xf64>) -> (tensor<6x1xf64>, tensor<6x1xf64>)
-      %3 = rel.project %2 width 3 : i64 mode "clamp" : tensor<6x1xf64> -> tensor<6x1xf64>
-      %4 = rel.apply @both.pp.barrier.pull_back(%3) : (tensor<6x1xf64>) -> tensor<21x1xf64>
-      rel.yield_derivative gradient %1 : tensor<6x1xf64> hessian %4 : tensor<21x1xf64> wrt %0 : tensor<2x3xf64>
+      %0 = rel.data @both.pp.barrier.numbers : tensor<2x1xf64>
+      %1 = rel.join @both.v.x through @both.pp.ends : tensor<2x3xf64>
+      %2 = rel.apply @both.pp.barrier.derive_uniforms(%0) uniform : (tensor<2x1xf64>) -> tensor<2x1xf64>
+      %3, %4 = rel.apply @both.pp.barrier.derive(%1, %2) : (tensor<2x3xf64>, tensor<2x1xf64>) -> (tensor<6x1xf64>, tensor<6x1xf64>)
+      %5 = rel.project %4 width 3 : i64 mode "clamp" : tensor<6x1xf64> -> tensor<6x1xf64>
+      %6 = rel.apply @both.pp.barrier.pull_back(%5) : (tensor<6x1xf64>) -> tensor<21x1xf64>
+      rel.yield_derivative gradient %3 : tensor<6x1xf64> hessian %6 : tensor<21x1xf64> wrt %1 : tensor<2x3xf64>
     }
-    func.func @both.pp.barrier.derive(%0: f64, %1: f64, %2: f64, %3: f64, %4: f64, %5: f64) -> (f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64) {
-      %6 = arith.constant 1.000000e+00 : f64
-      %7 = arith.subf %0, %3 : f64
-      %8 = arith.subf %1, %4 : f64
-      %9 = arith.subf %2, %5 : f64
-      %10 = arith.constant 2.500000e+00 : f64
-      %11 = arith.mulf %7, %7 : f64
-      %12 = arith.mulf %8, %8 : f64
-      %13 = arith.mulf %9, %9 : f64
-      %14 = arith.addf %11, %13 : f64
+    func.func @both.pp.barrier.derive_uniforms(%0: f64, %1: f64) -> (f64, f64) {
+      %2 = arith.constant 1.000000e+00 : f64
+      %3 = arith.divf %2, %0 : f64
+      func.return %1, %3 : f64, f64
+    }
+    func.func @both.pp.barrier.derive(%0: f64, %1: f64, %2: f64, %3: f64, %4: f64, %5: f64, %6: f64, %7: f64) -> (f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64) {
+      %8 = arith.constant 1.000000e+00 : f64
+      %9 = arith.subf %0, %3 : f64
+      %10 = arith.subf %1, %4 : f64
+      %11 = arith.subf %2, %5 : f64
+      %12 = arith.mulf %9, %9 : f64
+      %13 = arith.mulf %10, %10 : f64
+      %14 = arith.mulf %11, %11 : f64
       %15 = arith.addf %12, %14 : f64
-      %16 = arith.divf %15, %10 : f64
-      %17 = math.log %16 : f64
-      %18 = arith.subf %10, %15 : f64
-      %19 = arith.mulf %18, %18 : f64
-      %20 = arith.mulf %17, %19 : f64
-      %21 = arith.constant 2.000000e+00 : f64
-      %22 = arith.mulf %21, %20 : f64
-      %23 = arith.divf %6, %16 : f64
-      %24 = arith.mulf %22, %23 : f64
-      %25 = arith.divf %24, %10 : f64
-      %26 = arith.mulf %17, %17 : f64
-      %27 = arith.mulf %18, %26 : f64
-      %28 = arith.mulf %21, %27 : f64
-      %29 = arith.subf %25, %28 : f64
-      %30 = arith.mulf %21, %29 : f64
-      %31 = arith.mulf %7, %30 : f64
-      %32 = arith.mulf %8, %30 : f64
-      %33 = arith.mulf %9, %30 : f64
-      %34 = arith.constant 4.000000e-01 : f64
-      %35 = arith.mulf %34, %23 : f64
-      %36 = arith.mulf %19, %35 : f64
-      %37 = arith.mulf %17, %18 : f64
-      %38 = arith.mulf %21, %37 : f64
+      %16 = arith.addf %13, %15 : f64
+      %17 = arith.mulf %7, %16 : f64
+      %18 = math.log %17 : f64
+      %19 = arith.subf %6, %16 : f64
+      %20 = arith.mulf %19, %19 : f64
+      %21 = arith.mulf %18, %20 : f64
+      %22 = arith.constant 2.000000e+00 : f64
+      %23 = arith.mulf %22, %21 : f64
+      %24 = arith.divf %8, %17 : f64
+      %25 = arith.mulf %23, %24 : f64
+      %26 = arith.mulf %7, %25 : f64
+      %27 = arith.mulf %18, %18 : f64
+      %28 = arith.mulf %19, %27 : f64
+      %29 = arith.mulf %22, %28 : f64
+      %30 = arith.subf %26, %29 : f64
+      %31 = arith.mulf %22, %30 : f64
+      %32 = arith.mulf %9, %31 : f64
+      %33 = arith.mulf %10, %31 : f64
+      %34 = arith.mulf %11, %31 : f64
+      %35 = arith.mulf %7, %24 : f64
+      %36 = arith.mulf %20, %35 : f64
+      %37 = arith.mulf %18, %19 : f64
+      %38 = arith.mulf %22, %37 : f64
       %39 = arith.subf %36, %38 : f64
-      %40 = arith.mulf %23, %39 : f64
-      %41 = arith.mulf %21, %40 : f64
-      %42 = arith.mulf %23, %23 : f64
-      %43 = arith.mulf %22, %42 : f64
-      %44 = arith.mulf %34, %43 : f64
+      %40 = arith.mulf %24, %39 : f64
+      %41 = arith.mulf %22, %40 : f64
+      %42 = arith.mulf %24, %24 : f64
+      %43 = arith.mulf %23, %42 : f64
+      %44 = arith.mulf %7, %43 : f64
       %45 = arith.subf %41, %44 : f64
-      %46 = arith.divf %45, %10 : f64
-      %47 = arith.mulf %17, %35 : f64
-      %48 = arith.mulf %18, %47 : f64
-      %49 = arith.mulf %21, %48 : f64
-      %50 = arith.subf %26, %49 : f64
-      %51 = arith.mulf %21, %50 : f64
+      %46 = arith.mulf %7, %45 : f64
+      %47 = arith.mulf %18, %35 : f64
+      %48 = arith.mulf %19, %47 : f64
+      %49 = arith.mulf %22, %48 : f64
+      %50 = arith.subf %27, %49 : f64
+      %51 = arith.mulf %22, %50 : f64
       %52 = arith.addf %46, %51 : f64
-      %53 = arith.mulf %21, %52 : f64
-      %54 = arith.mulf %9, %53 : f64
-      %55 = arith.mulf %21, %54 : f64
-      %56 = arith.mulf %7, %55 : f64
-      %57 = arith.mulf %8, %55 : f64
-      %58 = arith.mulf %9, %55 : f64
-      %59 = arith.addf %30, %58 : f64
-      %60 = arith.mulf %8, %53 : f64
-      %61 = arith.mulf %21, %60 : f64
-      %62 = arith.mulf %7, %61 : f64
-      %63 = arith.mulf %8, %61 : f64
-      %64 = arith.addf %30, %63 : f64
-      %65 = arith.mulf %7, %53 : f64
-      %66 = arith.mulf %7, %65 : f64
-      %67 = arith.mulf %21, %66 : f64
-      %68 = arith.addf %30, %67 : f64
-      %69 = arith.negf %31 : f64
-      %70 = arith.negf %32 : f64
-      %71 = arith.negf %33 : f64
-      func.return %31, %32, %33, %69, %70, %71, %68, %62, %56, %64, %57, %59 : f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64
+      %53 = arith.mulf %22, %52 : f64
+      %54 = arith.mulf %11, %53 : f64
+      %55 = arith.mulf %22, %54 : f64
+      %56 = arith.mulf %9, %55 : f64
+      %57 = arith.mulf %10, %55 : f64
+      %58 = arith.mulf %11, %55 : f64
+      %59 = arith.addf %31, %58 : f64
+      %60 = arith.mulf %10, %53 : f64
+      %61 = arith.mulf %22, %60 : f64
+      %62 = arith.mulf %9, %61 : f64
+      %63 = arith.mulf %10, %61 : f64
+      %64 = arith.addf %31, %63 : f64
+      %65 = arith.mulf %9, %53 : f64
+      %66 = arith.mulf %9, %65 : f64
+      %67 = arith.mulf %22, %66 : f64
+      %68 = arith.addf %31, %67 : f64
+      %69 = arith.negf %32 : f64
+      %70 = arith.negf %33 : f64
+      %71 = arith.negf %34 : f64
+      func.return %32, %33, %34, %69, %70, %71, %68, %62, %56, %64, %57, %59 : f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64
     }
     func.func @both.pp.barrier.pull_back(%0: f64, %1: f64, %2: f64, %3: f64, %4: f64, %5: f64) -> (f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64) {
       %6 = arith.negf %0 : f64
