@@ -70,7 +70,7 @@ def test_kept_candidates_find_what_ipctk_finds_anew(name: str, kind: str) -> Non
 
 @pytest.mark.parametrize("kind", MOTIONS[1:])
 @pytest.mark.parametrize("name", ["shaken", "turned", "box corner to corner"])
-def test_step_bounds_are_ipctks_and_safe(name: str, kind: str) -> None:
+def test_step_bounds_are_no_less_than_ipctks_and_safe(name: str, kind: str) -> None:
     (points, faces), dhat = SCENES[name]
     mesh = oracle_mesh(points, faces)
     geometry = CollisionGeometry(points, faces, dhat)
@@ -83,7 +83,7 @@ def test_step_bounds_are_ipctks_and_safe(name: str, kind: str) -> None:
         expected.build(mesh, start, end, 0.0, ipctk.BruteForce())
         slow = expected.compute_collision_free_stepsize(mesh, start, end, narrow_phase_ccd=ipctk.AdditiveCCD())
         bound = geometry.step_bound(start, end)
-        assert bound == pytest.approx(slow, rel=1e-6)
+        assert bound >= (1 - 1e-6) * slow  # the toolkit stops where its next step might go too far
         assert ipctk.is_step_collision_free(mesh, start, start + 0.999 * bound * (end - start))
         if geometry.covers(kept, start, end):
             assert geometry.step_bound(start, end, kept) == bound
