@@ -5,8 +5,8 @@
 //
 // Nearly parallel edges and thin triangles have a normal that is mostly rounding. There, a distance is that of two
 // points of the pieces, so that it is right to rounding whatever the normal is; and line and line, or point and plane,
-// are the closest features only if their formula, which an energy will use, gives that distance better than the formula
-// of an end or a side does.
+// are the closest features only if their formula, which an energy will use, is sure to give that distance better than
+// the formula of an end or a side does.
 #pragma once
 
 #include "runtime.h"
@@ -45,10 +45,14 @@ inline Closest closest_on_edge(Point p, Point a, Point b) {
     return {kBetween, square(cross(offset, edge)) / length};
 }
 
-// Whether `formula` is nearer to the squared distance of a pair, in proportion, than that of other features, which is
-// not less. A formula that is 0 where the distance is not is never so.
-inline bool fits(double formula, double squared, double others) {
-    return formula <= others && formula * others >= squared * squared;
+// Whether a formula with the normal of edges u and v, and a way w to it, is sure to be nearer to the distance of a pair
+// (squared: `squared`), in proportion, than that of other features, which is not less (`others`). Rounding is not the
+// same wherever the formula is computed, so that it is bounded here.
+inline bool fits(Point normal, Point u, Point v, Point w, double squared, double others) {
+    constexpr double kRounding = 4.5e-16;
+    const double error = kRounding * sqrt(square(u) * square(v) * square(w) / square(normal));
+    const double distance = sqrt(squared), other = sqrt(others);
+    return error * other <= distance * (other - distance);
 }
 
 // Squared distance of p[0] and the point inside the triangle that is nearest to it; infinite if there is none. The
@@ -72,7 +76,7 @@ inline double squared_inside(const Point* p) {
 }
 
 // Any triangle, also one that is a line or a point.
-inline Closest closest_of_thin_triangle(const Point* p, Point normal) {
+inline Closest closest_of_thin_triangle(const Point* p) {
     const Point* const corner = p + 1;
     Closest best = {0, INFINITY};
     for (int k = 0; k < 3; ++k) {
@@ -85,15 +89,16 @@ inline Closest closest_of_thin_triangle(const Point* p, Point normal) {
     }
     const double squared = squared_inside(p);
     if (!(squared < best.squared)) return best;
-    const double height = dot(normal, p[0] - corner[0]), formula = height * height / square(normal);
-    return {fits(formula, squared, best.squared) ? int(kInside) : best.features, squared};
+    const Point first = corner[1] - corner[0], last = corner[2] - corner[0], offset = p[0] - corner[0];
+    const bool inside = fits(cross(first, last), first, last, offset, squared, best.squared);
+    return {inside ? int(kInside) : best.features, squared};
 }
 
 inline Closest closest_vertex_triangle(const Point* p) {
     const Point* const corner = p + 1;
     const Point first = corner[1] - corner[0], last = corner[2] - corner[0], normal = cross(first, last);
     const double size = square(normal);
-    if (!(size > kSlanted * square(first) * square(last))) return closest_of_thin_triangle(p, normal);
+    if (!(size > kSlanted * square(first) * square(last))) return closest_of_thin_triangle(p);
     double along[3];  // where the vertex projects to on each side: 0 at its first corner, 1 at its second
     for (int k = 0; k < 3; ++k) {
         const Point a = corner[k], side = corner[k == 2 ? 0 : k + 1] - a, offset = p[0] - a;
@@ -127,15 +132,17 @@ inline Closest closest_edges(const Point* p) {
     const double s = dot(normal, cross(v, w)), t = dot(normal, cross(u, w));
     const bool between = s > 0 && s < size && t > 0 && t < size;
     if (!between) return closest_end(p);
-    const double height = dot(normal, w), formula = height * height / size;
-    if (size > kSlanted * square(u) * square(v)) return {kLineLine, formula};
+    if (size > kSlanted * square(u) * square(v)) {
+        const double height = dot(normal, w);
+        return {kLineLine, height * height / size};
+    }
     const Closest end = closest_end(p);
     const Point offset = w + (s / size) * u;
     const double along = dot(offset, v) / square(v);  // the best for this s: their errors would not go together
     if (!(along > 0 && along < 1)) return end;
     const double squared = square(offset - along * v);
     if (!(squared < end.squared)) return end;
-    return {fits(formula, squared, end.squared) ? int(kLineLine) : end.features, squared};
+    return {fits(normal, u, v, w, squared, end.squared) ? int(kLineLine) : end.features, squared};
 }
 
 }  // namespace yasps
