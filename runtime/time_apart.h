@@ -185,7 +185,8 @@ struct Separation {
 // closest: its closest features at the start.
 inline double time_apart(MovingPair pair, Closest closest, double latest) {
     constexpr double kKept = 0.1, kNearly = 1.01 * kKept;
-    constexpr int kMostSteps = 64;  // most pairs take one or two
+    constexpr int kMostSteps = 64;     // most pairs take one or two
+    constexpr double kLargest = 1e30;  // products below do not overflow
     const Point mean = 0.25 * ((pair.move[0] + pair.move[1]) + (pair.move[2] + pair.move[3]));
     for (Point& move : pair.move) move = move - mean;  // moving together changes no distance
     const double distance = sqrt(closest.squared), speed = pair.speed();
@@ -196,6 +197,7 @@ inline double time_apart(MovingPair pair, Closest closest, double latest) {
     size = sqrt(size);
     const double keep = kKept * distance, near = kNearly * kNearly * closest.squared;
     const double numbers = speed + sqrt(square(mean));  // that the moves are differences of
+    if (!(numbers < kLargest && size < kLargest)) return 0;
     Point p[4];
     std::copy_n(pair.at, 4, p);
     double time = 0;

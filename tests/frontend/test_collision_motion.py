@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import time
+
 import ipctk
 import numpy as np
 import pytest
-from collision_scenes import SCENES, Floats, potential, sheet, union
+from collision_scenes import SCENES, Floats, box, move, potential, sheet, union
 from numpy.typing import NDArray
 
 from yasps.frontend.collision_geometry import CollisionGeometry
@@ -155,6 +157,30 @@ def test_edges_that_have_shrunk_to_points_are_still_seen() -> None:
     assert geometry.active_set(points).minimum_distance == pytest.approx(0.05)
     through = points + np.array([[0, 0, 0.1]] * 2 + [[0.0, 0, 0]] * 2)
     assert geometry.step_bound(points, through) == pytest.approx(0.45)
+
+
+@pytest.mark.parametrize("gap", [1e-5, 1e-8, 1e-12])
+def test_a_box_slides_along_the_ground_at_any_gap(gap: float) -> None:
+    """By a third of its size, with every pair of the contact at the gap; a step down by more than it is stopped."""
+    points, faces = union((3 * sheet(2)[0] - 1, sheet(2)[1]), move(box(), (0.0, 0.0, gap - 1)))
+    geometry = CollisionGeometry(points, faces, 10 * gap)
+    moves = np.arange(len(points))[:, None] >= len(sheet(2)[0])
+    begun = time.perf_counter()
+    assert geometry.step_bound(points, points + moves * [0.3, 0.2, 0.0]) == 1.0
+    down = geometry.step_bound(points, points + moves * [0.3, 0.2, -2 * gap])
+    assert time.perf_counter() - begun < 1.0
+    assert down == pytest.approx(0.45, rel=0.02)
+
+
+def test_edges_of_which_one_nearly_goes_on_where_the_other_ends_do_not_touch() -> None:
+    """A gap of 0.25 between them on nearly one line, of which the lines' distance says nothing."""
+    rng = np.random.default_rng(8)
+    for exponent in np.linspace(-10, -6, 9):
+        rods = np.array([[0.0, 0, 0], [1, 0, 0], [1.25, 0, 0], [2.5, 0, 0]])
+        rods = rods + 10.0**exponent * rng.standard_normal((4, 3))
+        geometry = CollisionGeometry(rods, np.empty((0, 3)), 1.0, edges=[[0, 1], [2, 3]])
+        assert geometry.active_set(rods).minimum_distance == pytest.approx(0.25, abs=1e-5)
+        assert geometry.step_bound(rods, rods + 1e-3 * rng.standard_normal((4, 3))) == 1.0
 
 
 def rows(pairs: SurfacePairs) -> tuple[list[tuple[int, ...]], list[tuple[int, ...]]]:

@@ -83,10 +83,11 @@ def distance(points: Floats, triangle: bool) -> float:
         return float(mpmath.sqrt(mpmath.mpf(square.numerator) / square.denominator))
 
 
-def at_time(start: Floats, end: Floats, time: Fraction) -> list[Exact]:
+def at_time(start: Floats, end: Floats, time: float | Fraction) -> list[Exact]:
     """Where points are that move straight from start at 0 to end at 1."""
+    t = Fraction(time)
     return [
-        (a[0] + time * (b[0] - a[0]), a[1] + time * (b[1] - a[1]), a[2] + time * (b[2] - a[2]))
+        (a[0] + t * (b[0] - a[0]), a[1] + t * (b[1] - a[1]), a[2] + t * (b[2] - a[2]))
         for a, b in zip(exact(start), exact(end), strict=True)
     ]
 
@@ -94,7 +95,7 @@ def at_time(start: Floats, end: Floats, time: Fraction) -> list[Exact]:
 def touch_before(start: Floats, end: Floats, time: float, triangle: bool) -> bool:
     """Whether the pieces meet at a time up to `time`, when all four points are in one plane.
 
-    If they are so all the time, a thousand times are looked at.
+    If they are so all the time, forty times are looked at.
     """
     first, last = exact(start), exact(end)
     sides = [minus(p, first[0]) for p in first[1:]]
@@ -104,7 +105,7 @@ def touch_before(start: Floats, end: Floats, time: float, triangle: bool) -> boo
         columns = [ways[k] if moved >> k & 1 else sides[k] for k in range(3)]
         volume[moved.bit_count()] += dot(columns[0], cross(columns[1], columns[2]))
     if not any(volume):
-        times = [Fraction(time) * k / 1000 for k in range(1001)]
+        times = [Fraction(time) * k / 40 for k in range(41)]
     else:
         times = [root for root in _roots(volume) if 0 <= root <= Fraction(time)]
     return any(squared_distance(at_time(start, end, t), triangle) < _CONTACT for t in times)
