@@ -159,7 +159,7 @@ def test_edges_that_have_shrunk_to_points_are_still_seen() -> None:
     assert geometry.step_bound(points, through) == pytest.approx(0.45)
 
 
-@pytest.mark.parametrize("gap", [1e-5, 1e-8, 1e-12])
+@pytest.mark.parametrize("gap", [1e-5, 1e-7, 1e-12])
 def test_a_box_slides_along_the_ground_at_any_gap(gap: float) -> None:
     """By a third of its size, with every pair of the contact at the gap; a step down by more than it is stopped."""
     points, faces = union((3 * sheet(2)[0] - 1, sheet(2)[1]), move(box(), (0.0, 0.0, gap - 1)))
@@ -172,15 +172,15 @@ def test_a_box_slides_along_the_ground_at_any_gap(gap: float) -> None:
     assert down == pytest.approx(0.45, rel=0.02)
 
 
-def test_edges_of_which_one_nearly_goes_on_where_the_other_ends_do_not_touch() -> None:
-    """A gap of 0.25 between them on nearly one line, of which the lines' distance says nothing."""
-    rng = np.random.default_rng(8)
-    for exponent in np.linspace(-10, -6, 9):
-        rods = np.array([[0.0, 0, 0], [1, 0, 0], [1.25, 0, 0], [2.5, 0, 0]])
-        rods = rods + 10.0**exponent * rng.standard_normal((4, 3))
-        geometry = CollisionGeometry(rods, np.empty((0, 3)), 1.0, edges=[[0, 1], [2, 3]])
-        assert geometry.active_set(rods).minimum_distance == pytest.approx(0.25, abs=1e-5)
-        assert geometry.step_bound(rods, rods + 1e-3 * rng.standard_normal((4, 3))) == 1.0
+@pytest.mark.parametrize("seed", [35, 189, 193, 238, 367])
+def test_edges_end_behind_end_on_nearly_one_line(seed: int) -> None:
+    """They are 0.25 apart; where their lines cross is rounding, and seemed to be a place at which they touch."""
+    rng = np.random.default_rng(seed)
+    size = 10.0 ** rng.uniform(-10, -6)
+    rods = np.array([[0.0, 0, 0], [1, 0, 0], [1.25, 0, 0], [2.5, 0, 0]]) + size * rng.standard_normal((4, 3))
+    geometry = CollisionGeometry(rods, np.empty((0, 3)), 1.0, edges=[[0, 1], [2, 3]])
+    assert geometry.active_set(rods).minimum_distance == pytest.approx(0.25, abs=1e-5)
+    assert geometry.step_bound(rods, rods + 1e-3 * rng.standard_normal((4, 3))) == 1.0
 
 
 def rows(pairs: SurfacePairs) -> tuple[list[tuple[int, ...]], list[tuple[int, ...]]]:

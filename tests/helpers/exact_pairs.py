@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from fractions import Fraction
+from math import comb
 
 import mpmath
 import numpy as np
@@ -106,9 +107,18 @@ def touch_before(start: Floats, end: Floats, time: float, triangle: bool) -> boo
         volume[moved.bit_count()] += dot(columns[0], cross(columns[1], columns[2]))
     if not any(volume):
         times = [Fraction(time) * k / 40 for k in range(41)]
+    elif _has_one_sign(volume, Fraction(time)):
+        return False
     else:
         times = [root for root in _roots(volume) if 0 <= root <= Fraction(time)]
     return any(squared_distance(at_time(start, end, t), triangle) < _CONTACT for t in times)
+
+
+def _has_one_sign(cubic: Sequence[Fraction], end: Fraction) -> bool:
+    """Whether all Bezier coefficients on [0, end] have, so that there is no root."""
+    scaled = [c * end**k for k, c in enumerate(cubic)]
+    points = [sum(scaled[k] * Fraction(comb(i, k), comb(3, k)) for k in range(i + 1)) for i in range(4)]
+    return all(b > 0 for b in points) or all(b < 0 for b in points)
 
 
 def _roots(polynomial: Sequence[Fraction]) -> list[Fraction]:

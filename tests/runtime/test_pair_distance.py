@@ -101,12 +101,11 @@ def test_ordinary_pairs_have_every_kind() -> None:
     assert {"point_point", "point_edge", "edge_edge"} <= check(pairs, triangle=False)
 
 
-def test_nearly_collinear_edges_that_an_issue_reported_as_touching() -> None:
-    """End behind end on nearly one line, 0.25 apart: the lines cross somewhere, or seem to."""
+def test_edges_end_behind_end_on_nearly_one_line() -> None:
+    """They are 0.25 apart; their lines cross somewhere, or seem to."""
     rng = np.random.default_rng(5)
     for exponent in np.linspace(-10, -6, 9):
-        count = 20
-        across = 10.0**exponent * rng.standard_normal((count, 4, 3)) * [0, 1, 1]
+        across = 10.0**exponent * rng.standard_normal((20, 4, 3)) * [0, 1, 1]
         along = np.array([0.0, 1.0, 1.25, 2.5])[None, :, None] * [1, 0, 0]
         check(turned(along + across, rng), triangle=False)
 
