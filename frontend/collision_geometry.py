@@ -194,11 +194,11 @@ class CollisionGeometry(Uncopied):
     ) -> float:
         """Largest step in [0, 1] from `start` straight towards `end` [n, 3] that is free of collisions.
 
-        Additive CCD (Li, Kaufman & Jiang 2021). A step below 1 needs no further safety factor: each pair
-        keeps about a tenth of its distance at `start`, because the search stops there (conservative rescaling
-        0.9). `start_is_free=True` skips the intersection test of `start`, for callers whose every earlier
-        step was bounded; contact at distance zero is always refused. Raises IntersectionError if surfaces at
-        `start` cross or touch.
+        A step below 1 needs no further safety factor: every pair keeps at least a tenth of its distance at
+        `start`, and one keeps hardly more. Sliding along each other and turning about a place where pieces
+        nearly touch is no approach, however small the gap. `start_is_free=True` skips the intersection test of
+        `start`, for callers whose every earlier step was bounded; a distance that rounding of the positions
+        could take away is always refused. Raises IntersectionError if surfaces at `start` cross or touch.
         """
         if candidates is None:
             candidates = self.candidates(start, end, distance=0.0)
@@ -244,7 +244,7 @@ class CollisionGeometry(Uncopied):
     # --- helpers ---
 
     def _bound(self, start: Floats, end: Floats, pairs: SurfacePairs) -> float:
-        touching = _ROUNDING * float(np.abs(start).max(initial=1e-300))
+        touching = 4 * _ROUNDING * float(np.abs(start).max(initial=1e-300))
         step = self._surface.step_bound(start, end, touching, pairs)
         if step is None:
             self._raise_touching(self._distances(2 * touching, start, pairs))

@@ -48,8 +48,8 @@ def squared_point_point(x: Attribute) -> Attribute:
 
 def squared_point_line(x: Attribute) -> Attribute:
     """Squared distance of point 0 and the line through 1 and 2."""
-    first, second = x.row(1) - x.row(0), x.row(2) - x.row(0)
-    area, edge = first.cross(second), second - first
+    edge = x.row(2) - x.row(1)
+    area = (x.row(1) - x.row(0)).cross(edge)  # of both ways to the ends, a tiny edge would be lost in their rounding
     return area.dot(area) / edge.dot(edge)
 
 

@@ -6,6 +6,7 @@
 
 #include "pair_distance.h"
 #include "runtime.h"
+#include "time_apart.h"
 
 namespace yasps {
 namespace {
@@ -79,36 +80,6 @@ ClosePair of_edges(const int* v, const Point* p, double threshold, int features)
     return {kMollifiedPointEdge, {own[end], edge[0], edge[1], own[1 - end]}, 0, 1, threshold};
 }
 
-// The first time in [0, latest] at which a pair that starts at p and moves by m has used up all but a tenth of its
-// distance, or infinity: additive CCD (Li, Kaufman & Jiang 2021) with conservative rescaling 0.9. split: vertices of
-// the first piece.
-template <class Distance>
-double time_of_contact(Point* p, Point* m, int split, double latest, Distance squared) {
-    constexpr double kShare = 0.9;
-    const Point mean = 0.25 * ((m[0] + m[1]) + (m[2] + m[3]));  // moving together changes no distance
-    double fastest[2] = {0, 0};
-    for (int c = 0; c < 4; ++c) {
-        m[c] = m[c] - mean;
-        double& side = fastest[c >= split];
-        side = std::max(side, square(m[c]));
-    }
-    const double speed = sqrt(fastest[0]) + sqrt(fastest[1]);
-    double distance = sqrt(squared(p));
-    const double enough = (1 - kShare) * distance;
-    double time = 0;
-    while (speed > 0) {
-        const double ahead = kShare * distance / speed;
-        if (time == 0 && ahead > latest) break;
-        for (int c = 0; c < 4; ++c) p[c] = p[c] + ahead * m[c];
-        distance = sqrt(squared(p));
-        if (time > 0 && !(distance >= enough)) return time;
-        if (time + ahead == time) return time;
-        time += ahead;
-        if (time > latest) break;
-    }
-    return INFINITY;
-}
-
 }  // namespace
 }  // namespace yasps
 
@@ -166,22 +137,19 @@ double yasps_step_bound(const double* start, const double* end, double touching,
                         const int* vertex_triangle, long triangle_count) {
     const Point *const from = reinterpret_cast<const Point*>(start), *const to = reinterpret_cast<const Point*>(end);
     double step = 1;
-    Point p[4], m[4];
-    const auto fetch = [&](const int* v) {
-        for (int c = 0; c < 4; ++c) p[c] = from[v[c]], m[c] = to[v[c]] - p[c];
+    const auto look_at = [&](const int* v, int split) {
+        MovingPair pair;
+        pair.split = split;
+        for (int c = 0; c < 4; ++c) pair.at[c] = from[v[c]], pair.move[c] = to[v[c]] - pair.at[c];
+        const Closest closest = pair.closest(pair.at);
+        if (!(closest.squared > touching * touching)) return false;
+        step = std::min(step, time_apart(pair, closest, step));
+        return true;
     };
-    for (long k = 0; k < edge_count; ++k) {
-        fetch(edge_edge + 4 * k);
-        const auto squared = [](const Point* at) { return closest_edges(at).squared; };
-        if (!(squared(p) > touching * touching)) return -1;
-        step = std::min(step, time_of_contact(p, m, 2, step, squared));
-    }
-    for (long k = 0; k < triangle_count; ++k) {
-        fetch(vertex_triangle + 4 * k);
-        const auto squared = [](const Point* at) { return closest_vertex_triangle(at).squared; };
-        if (!(squared(p) > touching * touching)) return -1;
-        step = std::min(step, time_of_contact(p, m, 1, step, squared));
-    }
+    for (long k = 0; k < edge_count; ++k)
+        if (!look_at(edge_edge + 4 * k, 2)) return -1;
+    for (long k = 0; k < triangle_count; ++k)
+        if (!look_at(vertex_triangle + 4 * k, 1)) return -1;
     return step;
 }
 

@@ -75,7 +75,7 @@ def distances(kind: str, x: NDArray[np.complex128]) -> NDArray[np.complex128]:
     if kind in ("point_point", "mollified_point_point"):
         return squared(p[1] - p[0])
     if kind in ("point_edge", "mollified_point_edge"):
-        return squared(np.cross(p[1] - p[0], p[2] - p[0])) / squared(p[2] - p[1])
+        return squared(np.cross(p[1] - p[0], p[2] - p[1])) / squared(p[2] - p[1])
     if kind == "point_triangle":
         normal, arm = np.cross(p[2] - p[1], p[3] - p[1]), p[0] - p[1]
     else:
