@@ -116,7 +116,7 @@ def contact_scene(
     triangles = np.concatenate([part + start for part, start in zip(faces, starts, strict=False)]).astype(np.int32)
     owner = np.repeat(np.arange(len(counts)), counts)
     is_fixed = owner >= len(shapes)
-    names = [f"{word} {k}" for word, group in (("soft", soft), ("stiff", stiff)) for k in range(len(group))]
+    names = [f"{word} {k}" for word, group in (("soft", soft), ("affine", stiff)) for k in range(len(group))]
     names += [f"obstacle {k}" for k in range(len(obstacles))]
     contact = BarrierContact(
         everything,
