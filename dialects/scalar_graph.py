@@ -71,6 +71,10 @@ class ScalarGraph:
     def is_constant(self, a: Node) -> bool:
         return self.kinds[a] == "constant"
 
+    def remade(self, node: Node, arguments: Sequence[Node]) -> Node:
+        """The operation of this node on other arguments, as it is."""
+        return self._node(self.kinds[node], tuple(arguments), self.values[node])
+
     # -- arithmetic ----------------------------------------------------------------------------------------
 
     def add(self, a: Node, b: Node) -> Node:

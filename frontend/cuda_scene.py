@@ -217,7 +217,9 @@ class CudaScene(CompiledScene):
         for term, first_bad in zip(terms, self._outcomes.download()[:, 0], strict=True):
             if first_bad != NONE_BAD:
                 raise self._not_finite(term, int(first_bad))
-        return self._gradient.values.download()
+        gradient = self._gradient.values.download()
+        self._check_gradient(gradient)
+        return gradient
 
     def launch_assembly(self, *, hessian: bool = True, project: bool = True) -> None:
         """What `assemble` does on the device alone, after it was called once: nothing is copied, nobody waits."""

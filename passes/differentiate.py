@@ -123,7 +123,7 @@ class _Differentiation:
         # From the top again: the energy may depend on the inputs linearly beside the cut. Value numbering makes what
         # both traversals share once.
         gradients = pull_back(b, dependence, {value: one}, inputs)
-        b.append(YieldDerivativeOp(stacked(b, inputs, gradients), hessian, inputs))
+        b.append(YieldDerivativeOp(value, stacked(b, inputs, gradients), hessian, inputs))
         for read in inputs:
             self.need_jacobians(read.owner)
         derivative = DerivativeOp(f"{attribute.symbol}.derivative", energy, attribute.owner, b.body)

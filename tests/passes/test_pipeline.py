@@ -22,7 +22,11 @@ PROJECTED = DERIVED[1:]
 
 
 def test_the_passes_are_those_of_the_architecture() -> None:
-    assert [p.name for p in PIPELINE if p.name not in ("canonicalize", "cse")] == ["inline-references", *DERIVED]
+    assert [p.name for p in PIPELINE if p.name not in ("canonicalize", "cse")] == [
+        "inline-references",
+        "fold-norms",
+        *DERIVED,
+    ]
 
 
 def test_values_are_kept_by_every_pass(run: Any) -> None:
