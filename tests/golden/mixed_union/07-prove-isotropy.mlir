@@ -193,7 +193,7 @@ builtin.module {
       %95 = mat.reshape %94 {shape = array<i64: 6, 1>} : (tensor<2x3xf64>) -> tensor<6x1xf64>
       %96 = mat.project_psd %73 {mode = "clamp"} : (tensor<3x3xf64>) -> tensor<3x3xf64>
       %97 = mat.congruence %96, %89 : (tensor<3x3xf64>, tensor<3x6xf64>) -> tensor<6x6xf64>
-      rel.yield_derivative gradient %95 : tensor<6x1xf64> hessian %97 : tensor<6x6xf64> wrt %1 : tensor<2x3xf64>
+      rel.yield_derivative %11 : tensor<1x1xf64> gradient %95 : tensor<6x1xf64> hessian %97 : tensor<6x6xf64> wrt %1 : tensor<2x3xf64>
     }
   }
 }

@@ -232,7 +232,7 @@ builtin.module {
       %192 = mat.reshape %191 {shape = array<i64: 12, 1>} : (tensor<4x3xf64>) -> tensor<12x1xf64>
       %193 = mat.project_psd %144, %9 {mode = "clamp"} : (tensor<9x9xf64>, tensor<3x3xf64>) -> tensor<9x9xf64>
       %194 = mat.congruence %193, %175 : (tensor<9x9xf64>, tensor<9x12xf64>) -> tensor<12x12xf64>
-      rel.yield_derivative gradient %192 : tensor<12x1xf64> hessian %194 : tensor<12x12xf64> wrt %1 : tensor<4x3xf64>
+      rel.yield_derivative %14 : tensor<1x1xf64> gradient %192 : tensor<12x1xf64> hessian %194 : tensor<12x12xf64> wrt %1 : tensor<4x3xf64>
     }
     rel.derivative @m.v.gravity.derivative of @m.v.gravity on @m.v projection "clamp" projects "nowhere: the energy is affine, its Hessian is zero" {
       %x = rel.data @m.v.x : tensor<3x1xf64>
@@ -243,7 +243,7 @@ builtin.module {
       %3 = mat.scale %2, %0 : (tensor<1x1xf64>, tensor<1x1xf64>) -> tensor<1x1xf64>
       %4 = mat.constant {value = dense<1.000000e+00> : tensor<1x1xf64>} : () -> tensor<1x1xf64>
       %5 = mat.embed %2 {place = array<i64: 1, 0, 3, 1>} : (tensor<1x1xf64>) -> tensor<3x1xf64>
-      rel.yield_derivative gradient %5 : tensor<3x1xf64> wrt %x : tensor<3x1xf64>
+      rel.yield_derivative %3 : tensor<1x1xf64> gradient %5 : tensor<3x1xf64> wrt %x : tensor<3x1xf64>
     }
   }
 }

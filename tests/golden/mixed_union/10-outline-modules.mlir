@@ -118,12 +118,12 @@ builtin.module {
   rel.object @both.pp.barrier.derivative.object entries ["batch"] {
     rel.derivative @both.pp.barrier.derivative of @both.pp.barrier on @both.pp projection "clamp" dynamic indices @both.pp.barrier.kappa projects "3x3 of 6x6: the energy reads its inputs through a linear cut" {
       %0 = rel.join @both.v.x through @both.pp.ends : tensor<2x3xf64>
-      %1, %2 = rel.apply @both.pp.barrier.derive(%0) : (tensor<2x3xf64>) -> (tensor<6x1xf64>, tensor<6x1xf64>)
-      %3 = rel.project %2 width 3 : i64 mode "clamp" : tensor<6x1xf64> -> tensor<6x1xf64>
-      %4 = rel.apply @both.pp.barrier.pull_back(%3) : (tensor<6x1xf64>) -> tensor<21x1xf64>
-      rel.yield_derivative gradient %1 : tensor<6x1xf64> hessian %4 : tensor<21x1xf64> wrt %0 : tensor<2x3xf64>
+      %1, %2, %3 = rel.apply @both.pp.barrier.derive(%0) : (tensor<2x3xf64>) -> (tensor<1x1xf64>, tensor<6x1xf64>, tensor<6x1xf64>)
+      %4 = rel.project %3 width 3 : i64 mode "clamp" : tensor<6x1xf64> -> tensor<6x1xf64>
+      %5 = rel.apply @both.pp.barrier.pull_back(%4) : (tensor<6x1xf64>) -> tensor<21x1xf64>
+      rel.yield_derivative %1 : tensor<1x1xf64> gradient %2 : tensor<6x1xf64> hessian %5 : tensor<21x1xf64> wrt %0 : tensor<2x3xf64>
     }
-    func.func @both.pp.barrier.derive(%0: f64, %1: f64, %2: f64, %3: f64, %4: f64, %5: f64) -> (f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64) {
+    func.func @both.pp.barrier.derive(%0: f64, %1: f64, %2: f64, %3: f64, %4: f64, %5: f64) -> (f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64) {
       %6 = arith.constant 1.000000e+00 : f64
       %7 = arith.subf %0, %3 : f64
       %8 = arith.subf %1, %4 : f64
@@ -187,10 +187,11 @@ builtin.module {
       %66 = arith.mulf %7, %65 : f64
       %67 = arith.mulf %21, %66 : f64
       %68 = arith.addf %30, %67 : f64
-      %69 = arith.negf %31 : f64
-      %70 = arith.negf %32 : f64
-      %71 = arith.negf %33 : f64
-      func.return %31, %32, %33, %69, %70, %71, %68, %62, %56, %64, %57, %59 : f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64
+      %69 = arith.mulf %17, %20 : f64
+      %70 = arith.negf %31 : f64
+      %71 = arith.negf %32 : f64
+      %72 = arith.negf %33 : f64
+      func.return %69, %31, %32, %33, %70, %71, %72, %68, %62, %56, %64, %57, %59 : f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64
     }
     func.func @both.pp.barrier.pull_back(%0: f64, %1: f64, %2: f64, %3: f64, %4: f64, %5: f64) -> (f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64) {
       %6 = arith.negf %0 : f64

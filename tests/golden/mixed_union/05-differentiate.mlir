@@ -191,7 +191,7 @@ builtin.module {
       %93 = mat.embed %91 {place = array<i64: 0, 0, 2, 3>} : (tensor<1x3xf64>) -> tensor<2x3xf64>
       %94 = mat.add %92, %93 : (tensor<2x3xf64>, tensor<2x3xf64>) -> tensor<2x3xf64>
       %95 = mat.reshape %94 {shape = array<i64: 6, 1>} : (tensor<2x3xf64>) -> tensor<6x1xf64>
-      rel.yield_derivative gradient %95 : tensor<6x1xf64> hessian %90 : tensor<6x6xf64> wrt %1 : tensor<2x3xf64>
+      rel.yield_derivative %11 : tensor<1x1xf64> gradient %95 : tensor<6x1xf64> hessian %90 : tensor<6x6xf64> wrt %1 : tensor<2x3xf64>
     }
   }
 }

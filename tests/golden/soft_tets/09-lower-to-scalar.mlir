@@ -22,16 +22,16 @@ builtin.module {
     rel.target @m.v.x
     rel.derivative @m.t.swell.derivative of @m.t.swell on @m.t projection "clamp" indices @m.t.swell.kappa projects "9x9 of 12x12: the energy reads its inputs through a linear cut; by singular values: isotropic in this 3x3 matrix" {
       %0 = rel.join @m.v.x through @m.t.corners : tensor<4x3xf64>
-      %1, %2, %3 = rel.apply @m.t.swell.derive(%0) : (tensor<4x3xf64>) -> (tensor<12x1xf64>, tensor<45x1xf64>, tensor<9x1xf64>)
-      %4 = rel.project %2 width 9 : i64 mode "clamp" isotropic in %3 : tensor<9x1xf64> : tensor<45x1xf64> -> tensor<45x1xf64>
-      %5 = rel.apply @m.t.swell.pull_back(%4) : (tensor<45x1xf64>) -> tensor<78x1xf64>
-      rel.yield_derivative gradient %1 : tensor<12x1xf64> hessian %5 : tensor<78x1xf64> wrt %0 : tensor<4x3xf64>
+      %1, %2, %3, %4 = rel.apply @m.t.swell.derive(%0) : (tensor<4x3xf64>) -> (tensor<1x1xf64>, tensor<12x1xf64>, tensor<45x1xf64>, tensor<9x1xf64>)
+      %5 = rel.project %3 width 9 : i64 mode "clamp" isotropic in %4 : tensor<9x1xf64> : tensor<45x1xf64> -> tensor<45x1xf64>
+      %6 = rel.apply @m.t.swell.pull_back(%5) : (tensor<45x1xf64>) -> tensor<78x1xf64>
+      rel.yield_derivative %1 : tensor<1x1xf64> gradient %2 : tensor<12x1xf64> hessian %6 : tensor<78x1xf64> wrt %0 : tensor<4x3xf64>
     }
     rel.derivative @m.v.gravity.derivative of @m.v.gravity on @m.v projection "clamp" indices @m.v.gravity.kappa projects "nowhere: the energy is affine, its Hessian is zero" {
       %x = rel.data @m.v.x : tensor<3x1xf64>
       %mass = rel.data @m.v.mass : tensor<1x1xf64>
-      %0 = rel.apply @m.v.gravity.derive(%mass) : (tensor<1x1xf64>) -> tensor<3x1xf64>
-      rel.yield_derivative gradient %0 : tensor<3x1xf64> wrt %x : tensor<3x1xf64>
+      %0, %1 = rel.apply @m.v.gravity.derive(%x, %mass) : (tensor<3x1xf64>, tensor<1x1xf64>) -> (tensor<1x1xf64>, tensor<3x1xf64>)
+      rel.yield_derivative %0 : tensor<1x1xf64> gradient %1 : tensor<3x1xf64> wrt %x : tensor<3x1xf64>
     }
     rel.attribute @m.v.x.kappa on @m.v : tensor<1x1xi32> {
       %0 = rel.target_index @m.v.x : tensor<1x1xi32>
@@ -83,7 +83,7 @@ builtin.module {
       %6 = arith.mulf %4, %5 : f64
       func.return %6 : f64
     }
-    func.func @m.t.swell.derive(%0: f64, %1: f64, %2: f64, %3: f64, %4: f64, %5: f64, %6: f64, %7: f64, %8: f64, %9: f64, %10: f64, %11: f64) -> (f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64) {
+    func.func @m.t.swell.derive(%0: f64, %1: f64, %2: f64, %3: f64, %4: f64, %5: f64, %6: f64, %7: f64, %8: f64, %9: f64, %10: f64, %11: f64) -> (f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64) {
       %12 = arith.subf %0, %9 : f64
       %13 = arith.subf %1, %10 : f64
       %14 = arith.subf %2, %11 : f64
@@ -127,135 +127,138 @@ builtin.module {
       %52 = arith.addf %48, %51 : f64
       %53 = arith.addf %49, %52 : f64
       %54 = arith.subf %53, %50 : f64
-      %55 = arith.constant 6.000000e+00 : f64
-      %56 = arith.mulf %55, %54 : f64
-      %57 = arith.mulf %23, %56 : f64
-      %58 = arith.mulf %26, %56 : f64
-      %59 = arith.mulf %29, %56 : f64
-      %60 = arith.mulf %32, %56 : f64
-      %61 = arith.mulf %35, %56 : f64
-      %62 = arith.mulf %38, %56 : f64
-      %63 = arith.mulf %41, %56 : f64
-      %64 = arith.mulf %44, %56 : f64
-      %65 = arith.mulf %47, %56 : f64
-      %66 = arith.addf %57, %63 : f64
-      %67 = arith.subf %66, %60 : f64
-      %68 = arith.subf %61, %64 : f64
-      %69 = arith.subf %68, %58 : f64
-      %70 = arith.addf %59, %65 : f64
-      %71 = arith.subf %70, %62 : f64
-      %72 = arith.mulf %16, %56 : f64
-      %73 = arith.mulf %15, %56 : f64
-      %74 = arith.mulf %19, %56 : f64
-      %75 = arith.mulf %18, %56 : f64
-      %76 = arith.mulf %55, %47 : f64
-      %77 = arith.mulf %23, %76 : f64
-      %78 = arith.mulf %26, %76 : f64
-      %79 = arith.mulf %29, %76 : f64
-      %80 = arith.mulf %32, %76 : f64
-      %81 = arith.mulf %35, %76 : f64
-      %82 = arith.mulf %38, %76 : f64
-      %83 = arith.mulf %41, %76 : f64
-      %84 = arith.mulf %44, %76 : f64
-      %85 = arith.mulf %47, %76 : f64
-      %86 = arith.addf %72, %77 : f64
+      %55 = arith.constant 3.000000e+00 : f64
+      %56 = arith.constant 6.000000e+00 : f64
+      %57 = arith.mulf %56, %54 : f64
+      %58 = arith.mulf %23, %57 : f64
+      %59 = arith.mulf %26, %57 : f64
+      %60 = arith.mulf %29, %57 : f64
+      %61 = arith.mulf %32, %57 : f64
+      %62 = arith.mulf %35, %57 : f64
+      %63 = arith.mulf %38, %57 : f64
+      %64 = arith.mulf %41, %57 : f64
+      %65 = arith.mulf %44, %57 : f64
+      %66 = arith.mulf %47, %57 : f64
+      %67 = arith.addf %58, %64 : f64
+      %68 = arith.subf %67, %61 : f64
+      %69 = arith.subf %62, %65 : f64
+      %70 = arith.subf %69, %59 : f64
+      %71 = arith.addf %60, %66 : f64
+      %72 = arith.subf %71, %63 : f64
+      %73 = arith.mulf %16, %57 : f64
+      %74 = arith.mulf %15, %57 : f64
+      %75 = arith.mulf %19, %57 : f64
+      %76 = arith.mulf %18, %57 : f64
+      %77 = arith.mulf %56, %47 : f64
+      %78 = arith.mulf %23, %77 : f64
+      %79 = arith.mulf %26, %77 : f64
+      %80 = arith.mulf %29, %77 : f64
+      %81 = arith.mulf %32, %77 : f64
+      %82 = arith.mulf %35, %77 : f64
+      %83 = arith.mulf %38, %77 : f64
+      %84 = arith.mulf %41, %77 : f64
+      %85 = arith.mulf %44, %77 : f64
+      %86 = arith.mulf %47, %77 : f64
       %87 = arith.addf %73, %78 : f64
-      %88 = arith.addf %74, %80 : f64
+      %88 = arith.addf %74, %79 : f64
       %89 = arith.addf %75, %81 : f64
-      %90 = arith.mulf %17, %56 : f64
-      %91 = arith.mulf %20, %56 : f64
-      %92 = arith.mulf %55, %44 : f64
-      %93 = arith.mulf %23, %92 : f64
-      %94 = arith.mulf %26, %92 : f64
-      %95 = arith.mulf %29, %92 : f64
-      %96 = arith.mulf %32, %92 : f64
-      %97 = arith.mulf %35, %92 : f64
-      %98 = arith.mulf %38, %92 : f64
-      %99 = arith.mulf %41, %92 : f64
-      %100 = arith.mulf %44, %92 : f64
-      %101 = arith.addf %90, %93 : f64
-      %102 = arith.subf %73, %95 : f64
-      %103 = arith.addf %91, %96 : f64
-      %104 = arith.subf %98, %75 : f64
-      %105 = arith.mulf %55, %41 : f64
-      %106 = arith.mulf %23, %105 : f64
-      %107 = arith.mulf %26, %105 : f64
-      %108 = arith.mulf %29, %105 : f64
-      %109 = arith.mulf %32, %105 : f64
-      %110 = arith.mulf %35, %105 : f64
-      %111 = arith.mulf %38, %105 : f64
-      %112 = arith.mulf %41, %105 : f64
-      %113 = arith.subf %90, %107 : f64
-      %114 = arith.subf %108, %72 : f64
-      %115 = arith.subf %110, %91 : f64
-      %116 = arith.subf %74, %111 : f64
-      %117 = arith.mulf %13, %56 : f64
-      %118 = arith.mulf %12, %56 : f64
-      %119 = arith.mulf %55, %38 : f64
-      %120 = arith.mulf %23, %119 : f64
-      %121 = arith.mulf %26, %119 : f64
-      %122 = arith.mulf %29, %119 : f64
-      %123 = arith.mulf %32, %119 : f64
-      %124 = arith.mulf %35, %119 : f64
-      %125 = arith.mulf %38, %119 : f64
-      %126 = arith.addf %117, %120 : f64
+      %90 = arith.addf %76, %82 : f64
+      %91 = arith.mulf %17, %57 : f64
+      %92 = arith.mulf %20, %57 : f64
+      %93 = arith.mulf %56, %44 : f64
+      %94 = arith.mulf %23, %93 : f64
+      %95 = arith.mulf %26, %93 : f64
+      %96 = arith.mulf %29, %93 : f64
+      %97 = arith.mulf %32, %93 : f64
+      %98 = arith.mulf %35, %93 : f64
+      %99 = arith.mulf %38, %93 : f64
+      %100 = arith.mulf %41, %93 : f64
+      %101 = arith.mulf %44, %93 : f64
+      %102 = arith.addf %91, %94 : f64
+      %103 = arith.subf %74, %96 : f64
+      %104 = arith.addf %92, %97 : f64
+      %105 = arith.subf %99, %76 : f64
+      %106 = arith.mulf %56, %41 : f64
+      %107 = arith.mulf %23, %106 : f64
+      %108 = arith.mulf %26, %106 : f64
+      %109 = arith.mulf %29, %106 : f64
+      %110 = arith.mulf %32, %106 : f64
+      %111 = arith.mulf %35, %106 : f64
+      %112 = arith.mulf %38, %106 : f64
+      %113 = arith.mulf %41, %106 : f64
+      %114 = arith.subf %91, %108 : f64
+      %115 = arith.subf %109, %73 : f64
+      %116 = arith.subf %111, %92 : f64
+      %117 = arith.subf %75, %112 : f64
+      %118 = arith.mulf %13, %57 : f64
+      %119 = arith.mulf %12, %57 : f64
+      %120 = arith.mulf %56, %38 : f64
+      %121 = arith.mulf %23, %120 : f64
+      %122 = arith.mulf %26, %120 : f64
+      %123 = arith.mulf %29, %120 : f64
+      %124 = arith.mulf %32, %120 : f64
+      %125 = arith.mulf %35, %120 : f64
+      %126 = arith.mulf %38, %120 : f64
       %127 = arith.addf %118, %121 : f64
-      %128 = arith.mulf %14, %56 : f64
-      %129 = arith.mulf %55, %35 : f64
-      %130 = arith.mulf %23, %129 : f64
-      %131 = arith.mulf %26, %129 : f64
-      %132 = arith.mulf %29, %129 : f64
-      %133 = arith.mulf %32, %129 : f64
-      %134 = arith.mulf %35, %129 : f64
-      %135 = arith.addf %128, %130 : f64
-      %136 = arith.subf %132, %118 : f64
-      %137 = arith.mulf %55, %32 : f64
-      %138 = arith.mulf %23, %137 : f64
-      %139 = arith.mulf %26, %137 : f64
-      %140 = arith.mulf %29, %137 : f64
-      %141 = arith.mulf %32, %137 : f64
-      %142 = arith.subf %139, %128 : f64
-      %143 = arith.subf %117, %140 : f64
-      %144 = arith.mulf %55, %29 : f64
-      %145 = arith.mulf %23, %144 : f64
-      %146 = arith.mulf %26, %144 : f64
-      %147 = arith.mulf %29, %144 : f64
-      %148 = arith.mulf %55, %26 : f64
-      %149 = arith.mulf %23, %148 : f64
-      %150 = arith.mulf %26, %148 : f64
-      %151 = arith.mulf %23, %23 : f64
-      %152 = arith.mulf %55, %151 : f64
-      %153 = arith.negf %57 : f64
-      %154 = arith.negf %59 : f64
-      %155 = arith.negf %61 : f64
-      %156 = arith.negf %63 : f64
-      %157 = arith.negf %65 : f64
-      %158 = arith.negf %149 : f64
-      %159 = arith.negf %138 : f64
-      %160 = arith.negf %126 : f64
-      %161 = arith.negf %101 : f64
-      %162 = arith.negf %146 : f64
-      %163 = arith.negf %131 : f64
-      %164 = arith.negf %87 : f64
-      %165 = arith.negf %122 : f64
-      %166 = arith.negf %133 : f64
-      %167 = arith.negf %109 : f64
-      %168 = arith.negf %88 : f64
-      %169 = arith.negf %124 : f64
-      %170 = arith.negf %97 : f64
-      %171 = arith.negf %82 : f64
-      %172 = arith.negf %99 : f64
-      %173 = arith.negf %84 : f64
-      %174 = arith.negf %18 : f64
-      %175 = arith.negf %19 : f64
-      %176 = arith.negf %20 : f64
-      %177 = arith.negf %15 : f64
-      %178 = arith.negf %16 : f64
-      %179 = arith.negf %17 : f64
-      %180 = arith.negf %12 : f64
-      %181 = arith.negf %13 : f64
-      %182 = arith.negf %14 : f64
-      func.return %67, %69, %71, %153, %58, %154, %60, %155, %62, %156, %64, %157, %152, %158, %145, %159, %135, %160, %106, %161, %86, %150, %162, %142, %163, %127, %113, %94, %164, %147, %143, %136, %165, %114, %102, %79, %141, %166, %123, %167, %103, %168, %134, %169, %115, %170, %89, %125, %116, %104, %171, %112, %172, %83, %100, %173, %85, %174, %175, %176, %177, %178, %179, %180, %181, %182 : f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64
+      %128 = arith.addf %119, %122 : f64
+      %129 = arith.mulf %14, %57 : f64
+      %130 = arith.mulf %56, %35 : f64
+      %131 = arith.mulf %23, %130 : f64
+      %132 = arith.mulf %26, %130 : f64
+      %133 = arith.mulf %29, %130 : f64
+      %134 = arith.mulf %32, %130 : f64
+      %135 = arith.mulf %35, %130 : f64
+      %136 = arith.addf %129, %131 : f64
+      %137 = arith.subf %133, %119 : f64
+      %138 = arith.mulf %56, %32 : f64
+      %139 = arith.mulf %23, %138 : f64
+      %140 = arith.mulf %26, %138 : f64
+      %141 = arith.mulf %29, %138 : f64
+      %142 = arith.mulf %32, %138 : f64
+      %143 = arith.subf %140, %129 : f64
+      %144 = arith.subf %118, %141 : f64
+      %145 = arith.mulf %56, %29 : f64
+      %146 = arith.mulf %23, %145 : f64
+      %147 = arith.mulf %26, %145 : f64
+      %148 = arith.mulf %29, %145 : f64
+      %149 = arith.mulf %56, %26 : f64
+      %150 = arith.mulf %23, %149 : f64
+      %151 = arith.mulf %26, %149 : f64
+      %152 = arith.mulf %23, %23 : f64
+      %153 = arith.mulf %56, %152 : f64
+      %154 = arith.mulf %54, %54 : f64
+      %155 = arith.mulf %55, %154 : f64
+      %156 = arith.negf %58 : f64
+      %157 = arith.negf %60 : f64
+      %158 = arith.negf %62 : f64
+      %159 = arith.negf %64 : f64
+      %160 = arith.negf %66 : f64
+      %161 = arith.negf %150 : f64
+      %162 = arith.negf %139 : f64
+      %163 = arith.negf %127 : f64
+      %164 = arith.negf %102 : f64
+      %165 = arith.negf %147 : f64
+      %166 = arith.negf %132 : f64
+      %167 = arith.negf %88 : f64
+      %168 = arith.negf %123 : f64
+      %169 = arith.negf %134 : f64
+      %170 = arith.negf %110 : f64
+      %171 = arith.negf %89 : f64
+      %172 = arith.negf %125 : f64
+      %173 = arith.negf %98 : f64
+      %174 = arith.negf %83 : f64
+      %175 = arith.negf %100 : f64
+      %176 = arith.negf %85 : f64
+      %177 = arith.negf %18 : f64
+      %178 = arith.negf %19 : f64
+      %179 = arith.negf %20 : f64
+      %180 = arith.negf %15 : f64
+      %181 = arith.negf %16 : f64
+      %182 = arith.negf %17 : f64
+      %183 = arith.negf %12 : f64
+      %184 = arith.negf %13 : f64
+      %185 = arith.negf %14 : f64
+      func.return %155, %68, %70, %72, %156, %59, %157, %61, %158, %63, %159, %65, %160, %153, %161, %146, %162, %136, %163, %107, %164, %87, %151, %165, %143, %166, %128, %114, %95, %167, %148, %144, %137, %168, %115, %103, %80, %142, %169, %124, %170, %104, %171, %135, %172, %116, %173, %90, %126, %117, %105, %174, %113, %175, %84, %101, %176, %86, %177, %178, %179, %180, %181, %182, %183, %184, %185 : f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64
     }
     func.func @m.t.swell.pull_back(%0: f64, %1: f64, %2: f64, %3: f64, %4: f64, %5: f64, %6: f64, %7: f64, %8: f64, %9: f64, %10: f64, %11: f64, %12: f64, %13: f64, %14: f64, %15: f64, %16: f64, %17: f64, %18: f64, %19: f64, %20: f64, %21: f64, %22: f64, %23: f64, %24: f64, %25: f64, %26: f64, %27: f64, %28: f64, %29: f64, %30: f64, %31: f64, %32: f64, %33: f64, %34: f64, %35: f64, %36: f64, %37: f64, %38: f64, %39: f64, %40: f64, %41: f64, %42: f64, %43: f64, %44: f64) -> (f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64) {
       %45 = arith.addf %0, %6 : f64
@@ -353,11 +356,12 @@ builtin.module {
       %137 = arith.negf %98 : f64
       func.return %100, %102, %104, %111, %112, %113, %114, %115, %116, %117, %118, %119, %106, %108, %120, %121, %122, %123, %124, %125, %126, %127, %128, %110, %129, %130, %131, %132, %133, %134, %135, %136, %137, %0, %1, %2, %3, %4, %5, %6, %7, %8, %9, %10, %11, %12, %13, %14, %15, %16, %17, %18, %19, %20, %21, %22, %23, %24, %25, %26, %27, %28, %29, %30, %31, %32, %33, %34, %35, %36, %37, %38, %39, %40, %41, %42, %43, %44 : f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64
     }
-    func.func @m.v.gravity.derive(%0: f64) -> (f64, f64, f64) {
-      %1 = arith.constant 0.000000e+00 : f64
-      %2 = arith.constant 9.800000e+00 : f64
-      %3 = arith.mulf %2, %0 : f64
-      func.return %1, %3, %1 : f64, f64, f64
+    func.func @m.v.gravity.derive(%0: f64, %1: f64, %2: f64, %3: f64) -> (f64, f64, f64, f64) {
+      %4 = arith.constant 0.000000e+00 : f64
+      %5 = arith.constant 9.800000e+00 : f64
+      %6 = arith.mulf %5, %3 : f64
+      %7 = arith.mulf %1, %6 : f64
+      func.return %7, %4, %6, %4 : f64, f64, f64, f64
     }
     func.func @m.t.swell.kappa.value(%0: i32, %1: i32, %2: i32, %3: i32) -> (i32, i32, i32, i32) {
       func.return %0, %1, %2, %3 : i32, i32, i32, i32

@@ -230,7 +230,7 @@ builtin.module {
       %190 = mat.add %189, %185 : (tensor<4x3xf64>, tensor<4x3xf64>) -> tensor<4x3xf64>
       %191 = mat.add %190, %188 : (tensor<4x3xf64>, tensor<4x3xf64>) -> tensor<4x3xf64>
       %192 = mat.reshape %191 {shape = array<i64: 12, 1>} : (tensor<4x3xf64>) -> tensor<12x1xf64>
-      rel.yield_derivative gradient %192 : tensor<12x1xf64> hessian %176 : tensor<12x12xf64> wrt %1 : tensor<4x3xf64>
+      rel.yield_derivative %14 : tensor<1x1xf64> gradient %192 : tensor<12x1xf64> hessian %176 : tensor<12x12xf64> wrt %1 : tensor<4x3xf64>
     }
     rel.derivative @m.v.gravity.derivative of @m.v.gravity on @m.v projection "clamp" {
       %x = rel.data @m.v.x : tensor<3x1xf64>
@@ -241,7 +241,7 @@ builtin.module {
       %3 = mat.scale %2, %0 : (tensor<1x1xf64>, tensor<1x1xf64>) -> tensor<1x1xf64>
       %4 = mat.constant {value = dense<1.000000e+00> : tensor<1x1xf64>} : () -> tensor<1x1xf64>
       %5 = mat.embed %2 {place = array<i64: 1, 0, 3, 1>} : (tensor<1x1xf64>) -> tensor<3x1xf64>
-      rel.yield_derivative gradient %5 : tensor<3x1xf64> wrt %x : tensor<3x1xf64>
+      rel.yield_derivative %3 : tensor<1x1xf64> gradient %5 : tensor<3x1xf64> wrt %x : tensor<3x1xf64>
     }
   }
 }
