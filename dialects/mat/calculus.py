@@ -16,6 +16,7 @@ from yasps.dialects.mat.base import (
     MatOp,
     Shape,
     ShapeError,
+    constant_value,
     is_identity,
     is_zero,
     same_shapes,
@@ -83,10 +84,13 @@ class OverNormOp(MatOp):
         norm = self.operands[1]
         if dnorm is None:
             return dslope and b.over_norm(dslope, norm)
-        # (f'(n) / n)' x tends to 0 with x, whatever the quotient does.
+        # (f'(n) / n)' x tends to 0 with x, whatever the quotient does; but where n itself has no tangent (NaN, see
+        # passes/norms.py) there is none. A constant one is not that of a direction: n is a variable of its own.
         change = cast(SSAValue, b.difference(dslope, b.scale(dnorm, self.result)))
-        zero = b.zeros(shape_of(change))
-        return b.select(b.less_equal(norm, b.number(0.0)), zero, b.divide(change, norm))
+        at_zero = b.zeros(shape_of(change))
+        if constant_value(dnorm) is None:
+            at_zero = b.scale(dnorm, b.constant(np.ones(shape_of(change))))
+        return b.select(b.less_equal(norm, b.number(0.0)), at_zero, b.divide(change, norm))
 
     def pullback(self, b: MatBuilder, cotangent: SSAValue) -> Sequence[SSAValue | None]:
         to_slope = b.over_norm(cotangent, self.operands[1])

@@ -211,9 +211,9 @@ def _total(values: Sequence[SSAValue]) -> int:
 class YieldDerivativeOp(IRDLOperation):
     """An energy (1x1), its gradient (n x 1) and Hessian with respect to the n entries of the boundary inputs `wrt`.
 
-    A missing Hessian is zero (the energy is affine). After `lower-to-scalar` the Hessian is the packed upper triangle,
-    and what is left of the energy is a number that is finite where the energy is (see passes/finite_check.py): it is
-    checked together with the derivatives, which may be finite where the energy is not.
+    A missing Hessian is zero: the energy is affine. After `lower-to-scalar` the Hessian is the packed upper triangle.
+    The energy is there to be checked together with its derivatives, which may be finite where it is not. So of an
+    affine one it is the part without the inputs, and `lower-to-scalar` makes it cheaper (passes/finite_check.py).
     """
 
     name = "rel.yield_derivative"
