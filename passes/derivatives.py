@@ -190,7 +190,7 @@ def directional(
     held: dict[SSAValue, SSAValue | None] = dict.fromkeys((*seeded, *(norm.result for norm in norms)))
     chains = ScalarChains(held.keys(), partial)
     wanted = (*outputs, *(norm.operands[0] for norm in norms))
-    inverses = {}
+    inverses: dict[SSAValue, SSAValue] = {}
     for norm in norms:
         push = PushForward(b, {**held, norm.result: b.number(1.0)}, chains)
         inverses[norm.result] = inverse_for_tangents(b, norm.result, [push[value] for value in wanted])

@@ -66,7 +66,7 @@ class FoldNorms(ModulePass):
 
 def _fold(attribute: AttributeOp) -> None:
     body = attribute.body.block
-    if not any(isinstance(op, algebra.NormOp | elementwise.SqrtOp) for op in body.ops):
+    if not any(isinstance(op, algebra.NormOp) or _is_root(op) for op in body.ops):
         return
     b = BodyBuilder(Block())
     folding, values = _Folding(b), dict[SSAValue, SSAValue]()
@@ -98,7 +98,8 @@ class _Vanishing:
     """What is known of a value f(a n) of the order of n^degree near n = 0; a of None stands for 1."""
 
     degree: int
-    norm: SSAValue
+    vector: SSAValue
+    """That n is the norm of."""
     a: Lazily | None
     quotient: Callable[[SSAValue], SSAValue]
     """f(a n) / (a n)^degree from (a n)^2."""
@@ -201,7 +202,9 @@ class _Folding:
         if list(product.powers.values()) != [1.0]:
             return None
         (norm,) = product.powers
-        return _Vanishing(degree, norm, product.rest, quotient) if isinstance(norm.owner, algebra.NormOp) else None
+        if not isinstance(norm.owner, algebra.NormOp):
+            return None
+        return _Vanishing(degree, norm.owner.operands[0], product.rest, quotient)
 
     # -- folding ---------------------------------------------------------------------------------------------
 
@@ -220,7 +223,7 @@ class _Folding:
         replaced = False
         for value in sorted(powers, key=lambda v: -self._vanishing[v].degree):
             vanishing, exponent = self._vanishing[value], powers[value]
-            vector = vanishing.norm.owner.operands[0]
+            vector = vanishing.vector
             if degrees.get(vector, 0.0) * exponent >= 0 or exponent != int(exponent):
                 continue
             degrees[vector] += vanishing.degree * exponent
@@ -240,7 +243,7 @@ class _Folding:
         b = self.b
 
         def made() -> SSAValue:
-            vector, a = vanishing.norm.owner.operands[0], vanishing.a and vanishing.a()
+            vector, a = vanishing.vector, vanishing.a and vanishing.a()
             square = b.dot(vector, vector)
             quotient = vanishing.quotient(square if a is None else b.scale(b.power(a, 2.0), square))
             if a is not None:
@@ -265,6 +268,10 @@ class _Folding:
         if numerator is not None:
             made = b.scale(numerator, made)
         return made if denominator is None else b.divide(made, denominator)
+
+
+def _is_root(op: object) -> bool:
+    return isinstance(op, elementwise.SqrtOp) or (isinstance(op, elementwise.PowOp) and op.power % 1 != 0)
 
 
 def _then(function: Callable[..., SSAValue], *operands: Lazily) -> Lazily:

@@ -148,7 +148,7 @@ def stumpff(order: int, s: Batch) -> Batch:
     closed = np.cos(root) if order % 2 == 0 else np.sin(root) / root
     for k in range(order % 2, order, 2):
         closed = (1.0 / math.factorial(k) - closed) / large
-    return cast(Batch, np.where(is_small, series, closed))
+    return np.where(is_small, series, closed)
 
 
 @irdl_op_definition

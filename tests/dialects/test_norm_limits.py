@@ -24,19 +24,26 @@ DIRECTION = np.array([0.6, -0.8, 0.3])
 LENGTHS = (0.0, 1e-300, 1e-160, 1e-9, 1e-5, 1e-3, 0.1, 1.0)
 
 
-def derivatives(write: Written, at: Batch) -> tuple[float, Batch, Batch]:
-    """Value, gradient and Hessian of a 1x1 function of a column."""
-    block = Block(arg_types=[matrix_type((len(at), 1))])
+def derivatives(write: Written, at: Batch) -> tuple[Batch, Batch, Batch]:
+    """Values [n], gradients [n, size] and Hessians of a 1x1 function of a column at these points [n, size]."""
+    size = at.shape[1]
+    block = Block(arg_types=[matrix_type((size, 1))])
     b, x = MatBuilder(block), block.args[0]
     result = write(b, x)
     gradient = pull_back(b, DependenceMap(block, [x]), {result: b.number(1.0)}, [x])[x]
     hessian, forward = jacobian(b, [gradient], [x]), jacobian(b, [result], [x])
     with np.errstate(all="ignore"):
-        values = run_block(block, [at.reshape(1, -1, 1)])
-    found = values[gradient][0, :, 0]
+        values = run_block(block, [at[:, :, None]])
+    found = values[gradient][:, :, 0]
     # Forward mode gives up what is far below rounding, where the norm underflows.
-    np.testing.assert_allclose(values[forward][0, 0], found, rtol=1e-13, atol=1e-150)
-    return values[result].item(), found, values[hessian][0]
+    np.testing.assert_allclose(values[forward][:, 0], found, rtol=1e-13, atol=1e-150)
+    return values[result][:, 0, 0], found, values[hessian]
+
+
+def derivatives_at(write: Written, at: Batch) -> tuple[float, Batch, Batch]:
+    """The same at one point."""
+    values, gradients, hessians = derivatives(write, at[None])
+    return values.item(), gradients[0], hessians[0]
 
 
 def norm(b: MatBuilder, x: SSAValue) -> SSAValue:
@@ -86,20 +93,17 @@ def exact_stumpff(order: int, s: Any) -> Any:
 def test_smooth_functions_of_norms(name: str) -> None:
     """Relative to the largest entry, also where squares underflow."""
     write, exact = SMOOTH[name]
-    with mpmath.workdps(50):
-        for length in LENGTHS:
-            x = length * DIRECTION
+    points = np.outer(LENGTHS, DIRECTION)
+    for x, *found in zip(points, *derivatives(write, points), strict=True):
+        with mpmath.workdps(50):
             exactly = [mpmath.mpf(float(entry)) for entry in x]
             series = [mpmath.re(c) for c in mpmath.taylor(exact, sum(e * e for e in exactly), 2)]
             slope, bend = 2 * series[1], 8 * series[2]
             gradient = np.array([float(slope * e) for e in exactly])
-            hessian = np.array(
-                [[float(slope * (i == j) + bend * exactly[i] * exactly[j]) for j in range(3)] for i in range(3)]
-            )
-            found = derivatives(write, x)
-            np.testing.assert_allclose(found[0], float(series[0]), rtol=1e-13, atol=1e-310)
-            np.testing.assert_allclose(found[1], gradient, rtol=1e-12, atol=1e-12 * np.abs(gradient).max())
-            np.testing.assert_allclose(found[2], hessian, rtol=0, atol=1e-12 * np.abs(hessian).max())
+            hessian = np.array([[float(slope * (a is b) + bend * a * b) for a in exactly] for b in exactly])
+        np.testing.assert_allclose(found[0], float(series[0]), rtol=1e-13, atol=1e-310)
+        np.testing.assert_allclose(found[1], gradient, rtol=1e-12, atol=1e-12 * np.abs(gradient).max())
+        np.testing.assert_allclose(found[2], hessian, rtol=0, atol=1e-12 * np.abs(hessian).max())
 
 
 @pytest.mark.parametrize("order", range(LARGEST_ORDER + 1))
@@ -126,7 +130,7 @@ ROOTS: dict[str, tuple[Written, float]] = {
 @pytest.mark.parametrize("name", ROOTS)
 def test_second_derivatives_at_zero(name: str) -> None:
     write, curvature = ROOTS[name]
-    _, gradient, hessian = derivatives(write, np.zeros(3))
+    _, gradient, hessian = derivatives_at(write, np.zeros(3))
     np.testing.assert_array_equal(gradient, np.zeros(3))
     np.testing.assert_allclose(hessian, curvature * np.eye(3), rtol=1e-15)
 
@@ -154,7 +158,7 @@ def test_infinite_curvature_is_reported_with_the_gradient() -> None:
 
 @pytest.mark.parametrize("name", KINKED)
 def test_kinks_have_no_gradient(name: str) -> None:
-    _, gradient, hessian = derivatives(KINKED[name], np.zeros(3))
+    _, gradient, hessian = derivatives_at(KINKED[name], np.zeros(3))
     assert not np.isfinite(gradient).any()
     assert not np.isfinite(np.diag(hessian)).any()
 
@@ -168,7 +172,7 @@ BENT: dict[str, Written] = {
 
 @pytest.mark.parametrize("name", BENT)
 def test_second_derivatives_without_a_limit_are_not_finite(name: str) -> None:
-    _, gradient, hessian = derivatives(BENT[name], np.zeros(3))
+    _, gradient, hessian = derivatives_at(BENT[name], np.zeros(3))
     np.testing.assert_array_equal(gradient, np.zeros(3))
     assert not np.isfinite(hessian[np.triu_indices(3)]).any()
 
@@ -176,7 +180,7 @@ def test_second_derivatives_without_a_limit_are_not_finite(name: str) -> None:
 def test_the_slope_by_another_variable_must_vanish_too() -> None:
     """x_3 n(x_0 .. x_2): mixed second derivatives have no limit at n = 0, even where x_3 is 0."""
     write: Written = lambda b, x: b.scale(entry(b, x, 3), norm(b, b.block(x, 0, 0, 3, 1)))  # noqa: E731
-    _, gradient, hessian = derivatives(write, np.zeros(4))
+    _, gradient, hessian = derivatives_at(write, np.zeros(4))
     np.testing.assert_array_equal(gradient, np.zeros(4))
     assert not np.isfinite(hessian[:3, :3]).any()  # of each entry the upper triangle is what is used
 
@@ -190,8 +194,8 @@ def test_a_choice_keeps_the_kink_out(inside: Written) -> None:
     def write(b: MatBuilder, x: SSAValue) -> SSAValue:
         return b.select(b.less(b.number(1e-3), norm(b, x)), inside(b, x), b.scale(b.number(5.0), b.dot(x, x)))
 
-    _, gradient, hessian = derivatives(write, np.zeros(3))
+    _, gradient, hessian = derivatives_at(write, np.zeros(3))
     np.testing.assert_array_equal(gradient, np.zeros(3))
     np.testing.assert_array_equal(hessian, 10.0 * np.eye(3))
-    for ours, own in zip(derivatives(write, DIRECTION), derivatives(inside, DIRECTION), strict=True):
+    for ours, own in zip(derivatives_at(write, DIRECTION), derivatives_at(inside, DIRECTION), strict=True):
         np.testing.assert_allclose(ours, own, rtol=1e-14, atol=1e-14)
