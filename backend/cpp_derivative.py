@@ -34,7 +34,7 @@ def derivative_body(text: CppObjectText, derivative: DerivativeOp) -> list[str]:
     capacity = sum(slot.capacity for slot in slots)
     derive = terminator.gradient.owner
     assert isinstance(derive, ApplyOp)
-    entries = shape_of(derive.values[1])[0] if terminator.hessian is not None else 0
+    entries = shape_of(derive.values[2])[0] if terminator.hessian is not None else 0
     project = _projection(derivative)
     curved = derivative.curved is not None
     if project is not None and not curved:
@@ -67,10 +67,10 @@ def _projection(derivative: DerivativeOp) -> ProjectOp | None:
 def _derive(
     text: CppObjectText, derive: ApplyOp, n: int, entries: int, declarations: list[str], *, is_projected: bool = False
 ) -> list[str]:
-    """Gradient and packed Hessian of one pack, and a return if they are not finite."""
-    outputs = ["gradient", "middle", "deformation"][: len(derive.values)]
-    lines = [f"V gradient[{n}];", *declarations, text.call(derive, text.names(), outputs, "V")]
-    lines.append(f"V check = sum_of_zeros(gradient, {n});")
+    """Energy, gradient and packed Hessian of one pack, and a return if they are not finite."""
+    outputs = ["energy", "gradient", "middle", "deformation"][: len(derive.values)]
+    lines = [f"V energy[1], gradient[{n}];", *declarations, text.call(derive, text.names(), outputs, "V")]
+    lines.append(f"V check = sum_of_zeros(gradient, {n}) + energy[0] * 0.0;")
     if entries and not is_projected:  # projection looks at what it gets
         lines.append(f"check += sum_of_zeros(middle, {entries});")
     return [

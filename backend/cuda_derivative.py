@@ -50,12 +50,12 @@ def derivative_body(text: CudaObjectText, derivative: DerivativeOp) -> list[str]
     else:
         hessian = []
     n = sum(slot.size for slot in slots)
-    outputs = ["gradient", "middle", "deformation"][: len(derive.values)]
+    outputs = ["energy", "gradient", "middle", "deformation"][: len(derive.values)]
     declared = [f"double {name}[{shape_of(value)[0]}];" for name, value in zip(outputs, derive.values, strict=True)]
-    declared[0] = f"double gradient[{n}];"
-    finite = [f"all_finite<{n}>(gradient)"]
-    if len(outputs) > 1:
-        finite.append(f"all_finite<{shape_of(derive.values[1])[0]}>(middle)")
+    declared[1] = f"double gradient[{n}];"
+    finite = ["all_finite<1>(energy)", f"all_finite<{n}>(gradient)"]
+    if len(outputs) > 2:
+        finite.append(f"all_finite<{shape_of(derive.values[2])[0]}>(middle)")
     return [
         f"const yasps_sink sink = {{{', '.join(name for _, name in _FIELDS)}}};",
         f"const long thread = {THIS_THREAD};",

@@ -94,6 +94,10 @@ class ScalarGraph:
         """Is it a constant, or uniform? Products have their coefficients in front, gathered to one."""
         return a in self._uniform or self.kinds[a] == "constant"
 
+    def remade(self, node: Node, arguments: Sequence[Node]) -> Node:
+        """The operation of this node on other arguments, as it is."""
+        return self._node(self.kinds[node], tuple(arguments), self.values[node])
+
     # -- arithmetic ----------------------------------------------------------------------------------------
 
     def add(self, a: Node, b: Node) -> Node:

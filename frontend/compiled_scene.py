@@ -314,11 +314,25 @@ class CompiledScene(InScene, ABC):
         return boundaries, np.array([rows * cols for rows, cols in (t.shape for t in self.targets)], np.int32)
 
     def _not_finite(self, term: Term, instance: int) -> NotFiniteError:
+        value = float(self._run(term.symbol, term.count, (1, 1))[instance, 0, 0])
+        what = f"energy {term.symbol} is not finite ({value})"
+        if np.isfinite(value):
+            what = f"the derivatives of energy {term.symbol} are not finite"
         return NotFiniteError(
-            f"the derivatives of energy {term.symbol} are not finite on instance {instance}"
-            f"{_connected(term.owner, instance)}; look at its inputs there (inverted element, distance 0, overflow?). "
+            f"{what} on instance {instance}{_connected(term.owner, instance)}; "
+            "look at its inputs there (inverted element, distance 0, overflow?). "
             f"It was made at {term.where}"
         )
+
+    def _check_gradient(self, gradient: FloatArray) -> None:
+        """Raises NotFiniteError that names the target: each energy is finite, but what lies behind its JOINs is not."""
+        if not np.isfinite(gradient).all():
+            unknown = int(np.argmin(np.isfinite(gradient)))
+            raise NotFiniteError(
+                f"the gradient is not finite on {self.place_of(unknown)}, though each energy has finite derivatives "
+                "with respect to what it reads: what a JOIN or UNION reads has none with respect to this target there "
+                "(the norm of a zero vector, the root of 0, overflow?)"
+            )
 
     def place_of(self, unknown: int) -> str:
         """Target and instance of one scalar unknown, for messages."""

@@ -173,6 +173,7 @@ class CpuScene(CompiledScene):
                 raise self._not_finite(
                     term, status.first_bad if ordered is None else int(ordered.order[status.first_bad])
                 )
+        self._check_gradient(gradient)
         return gradient
 
     @one_thread_at_a_time

@@ -223,7 +223,9 @@ class CudaScene(CompiledScene):
         for term, first_bad in zip(terms, self._outcomes.download()[:, 0], strict=True):
             if first_bad != NONE_BAD:
                 raise self._not_finite(term, int(first_bad))
-        return self._gradient.values.download()
+        gradient = self._gradient.values.download()
+        self._check_gradient(gradient)
+        return gradient
 
     @one_thread_at_a_time
     def launch_assembly(self, *, hessian: bool = True, project: bool = True) -> None:

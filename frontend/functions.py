@@ -1,14 +1,18 @@
-"""Functions of several attributes, as users write them: `select`, `minimum`, `maximum`, `atan2`."""
+"""Functions of several attributes, as users write them: `select`, `minimum`, `maximum`, `atan2`, `stumpff`."""
 
 from __future__ import annotations
 
 from typing import Any
 
 import numpy as np
+from xdsl.dialects.builtin import IntegerAttr, i64
 
 from yasps.dialects.mat import comparison, trigonometry
 from yasps.frontend.attribute import Attribute, as_attribute, broadcast, combine
-from yasps.frontend.errors import SceneError
+from yasps.frontend.errors import DataError, SceneError
+
+LARGEST_STUMPFF_ORDER = trigonometry.LARGEST_ORDER - 4
+"""Each derivative takes two orders more."""
 
 
 def select(condition: Any, then: Any, otherwise: Any) -> Attribute:
@@ -45,3 +49,19 @@ def maximum(a: Any, b: Any) -> Attribute:
 def atan2(y: Any, x: Any) -> Attribute:
     """The angle of the point (x, y), in radians of (-pi, pi], entry by entry; no derivative at (0, 0)."""
     return combine(trigonometry.Atan2Op, broadcast(trigonometry.Atan2Op, y, x))
+
+
+def stumpff(order: int, s: Any) -> Attribute:
+    """Stumpff function c_k(s) = 1/k! - s/(k + 2)! + s^2/(k + 4)! - ... for s >= 0, entry by entry; smooth at s = 0.
+
+    With s = r.dot(r) and n its root, c_0 is cos(n), c_1 is sin(n) / n, c_2 is (1 - cos(n)) / n^2, c_3 is
+    (n - sin(n)) / n^3, exact to rounding for every n, with all derivatives. The compiler writes these quotients of a
+    norm as Stumpff functions itself; call them where it can't see that a number is a norm. For s < -4 they are NaN.
+
+    order: k, of 0 to 5. Raises DataError, LineageError.
+    """
+    if not isinstance(order, int) or isinstance(order, bool) or not 0 <= order <= LARGEST_STUMPFF_ORDER:
+        raise DataError(
+            f"the order of a Stumpff function is a whole number of 0 to {LARGEST_STUMPFF_ORDER}, got {order!r}"
+        )
+    return combine(trigonometry.StumpffOp, [as_attribute(s)], {"order": IntegerAttr(order, i64)})

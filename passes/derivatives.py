@@ -8,7 +8,9 @@ from dataclasses import dataclass
 from xdsl.ir import SSAValue
 
 from yasps.dialects.mat import MatBuilder, MatOp, shape_of
+from yasps.dialects.mat.algebra import NormOp
 from yasps.passes.dependence import DependenceMap, size_of
+from yasps.passes.norms import divisors, inverse_for_tangents, smooth_norms
 from yasps.passes.scalar_chains import ScalarChains, Slopes
 
 
@@ -20,7 +22,7 @@ def pull_back(
     The block must hold the primal operations already; the cotangents are appended to it. Values that the seeds
     don't reach are missing from the result.
     """
-    guards = _Guards(b)
+    guards, divided = _Guards(b), divisors(list(seeds))
     parts: dict[SSAValue, list[_Part]] = {value: [_Part(None, seed)] for value, seed in seeds.items()}
     stops = set(stop_at)
     for op in reversed([op for op in dependence.block.ops if isinstance(op, MatOp)]):
@@ -28,7 +30,9 @@ def pull_back(
             continue
         whole = guards.sum(parts.pop(op.result))
         choice = op.chosen_by(b)
-        if choice is not None:
+        if isinstance(op, NormOp) and op.result not in divided:
+            pulled = [(0, _Part(whole.guard, _gradient_through(b, op, whole.value)))]
+        elif choice is not None:
             first, second, condition = choice
             guard_first, guard_second = guards.split(whole.guard, condition)
             pulled = [(first, _Part(guard_first, whole.value)), (second, _Part(guard_second, whole.value))]
@@ -40,6 +44,16 @@ def pull_back(
             if dependence.is_active(op.operands[k]):
                 parts.setdefault(op.operands[k], []).append(part)
     return {value: guards.applied(guards.sum(parts[value])) for value in stop_at if value in parts}
+
+
+def _gradient_through(b: MatBuilder, norm: NormOp, slope: SSAValue) -> SSAValue:
+    """slope / n x: what a norm n of x adds to the cotangent of x, with its limit at x = 0 where that exists.
+
+    `slope` is that of the final value with respect to n, itself a function of n. Where both are 0, slope / n is its
+    derivative with respect to n, all else held.
+    """
+    limit = PushForward(b, {norm.result: b.number(1.0)})[slope]
+    return b.scale(b.over_norm(slope, norm.result, limit), norm.operands[0])
 
 
 @dataclass(frozen=True)
@@ -113,14 +127,20 @@ class _Guards:
 class PushForward:
     """Forward mode along one direction: tangents of values for the tangents of a few, made on demand.
 
-    chains: of the same few values; shared by several directions it saves most of the work on numbers.
+    chains: of the same few values; shared by several directions it saves most of the work on numbers. inverses: of
+    norms, as `norms.inverse_for_tangents` makes them.
     """
 
     def __init__(
-        self, b: MatBuilder, seeds: Mapping[SSAValue, SSAValue | None], chains: ScalarChains | None = None
+        self,
+        b: MatBuilder,
+        seeds: Mapping[SSAValue, SSAValue | None],
+        chains: ScalarChains | None = None,
+        inverses: Mapping[SSAValue, SSAValue] | None = None,
     ) -> None:
         self.b = b
         self._chains = chains
+        self._inverses = inverses or {}
         self._tangents: dict[SSAValue, SSAValue | None] = dict(seeds)
 
     def __getitem__(self, value: SSAValue) -> SSAValue | None:
@@ -145,6 +165,8 @@ class PushForward:
 
     def _by_rule(self, op: MatOp) -> SSAValue | None:
         tangents = [self._tangents[operand] for operand in op.operands]
+        if op.result in self._inverses:
+            return tangents[0] and self.b.scale(self._inverses[op.result], self.b.dot(op.operands[0], tangents[0]))
         return op.pushforward(self.b, tangents) if any(tangent is not None for tangent in tangents) else None
 
     def _along(self, slopes: Slopes) -> SSAValue | None:
@@ -163,10 +185,18 @@ def directional(
     def partial(value: SSAValue, u: SSAValue, front: Collection[SSAValue]) -> SSAValue | None:
         return PushForward(b, {**dict.fromkeys(front), u: b.number(1.0)})[value]
 
-    chains = ScalarChains(directions[0].keys(), partial)
+    seeded = directions[0].keys()
+    norms = smooth_norms(outputs, seeded)
+    held: dict[SSAValue, SSAValue | None] = dict.fromkeys((*seeded, *(norm.result for norm in norms)))
+    chains = ScalarChains(held.keys(), partial)
+    wanted = (*outputs, *(norm.operands[0] for norm in norms))
+    inverses: dict[SSAValue, SSAValue] = {}
+    for norm in norms:
+        push = PushForward(b, {**held, norm.result: b.number(1.0)}, chains)
+        inverses[norm.result] = inverse_for_tangents(b, norm.result, [push[value] for value in wanted])
     columns = []
     for seeds in directions:
-        push = PushForward(b, seeds, chains)
+        push = PushForward(b, seeds, chains, inverses)
         tangents = [(output, push[output]) for output in outputs]
         columns.append(
             b.concat_rows(

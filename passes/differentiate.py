@@ -19,7 +19,7 @@ from xdsl.dialects.builtin import ModuleOp, UnitAttr
 from xdsl.ir import Block, Operation, SSAValue
 from xdsl.passes import ModulePass
 
-from yasps.dialects.mat import matrix_type, shape_of
+from yasps.dialects.mat import MatOp, matrix_type, shape_of
 from yasps.dialects.rel import (
     AttributeOp,
     Container,
@@ -94,12 +94,15 @@ class _Differentiation:
         dependence = DependenceMap(b.body, inputs)
         one = b.number(1.0)
         hessian: SSAValue | None = None
+        checked = value
         if dependence[value] is Dependence.NONLINEAR:
             hessian = self.hessian(b, dependence, value, one, inputs)
+        else:
+            checked = _constant_part(b, dependence, value, inputs)
         # From the top again: the energy may depend on the inputs linearly beside the cut. Value numbering makes what
         # both traversals share once.
         gradients = pull_back(b, dependence, {value: one}, inputs)
-        b.append(YieldDerivativeOp(stacked(b, inputs, gradients), hessian, inputs))
+        b.append(YieldDerivativeOp(checked, stacked(b, inputs, gradients), hessian, inputs))
         for read in inputs:
             self.need_jacobians(read.owner)
         derivative = DerivativeOp(f"{attribute.symbol}.derivative", energy, attribute.owner, b.body)
@@ -192,3 +195,12 @@ class _Differentiation:
         made = CurvatureOp(name, symbol(attribute.symbol), attribute.owner, b.body)
         made.location = attribute.location
         return made
+
+
+def _constant_part(b: BodyBuilder, dependence: DependenceMap, value: SSAValue, inputs: list[SSAValue]) -> SSAValue:
+    """The affine value for inputs of 0, conditions left as they are: what it has of its own beside its gradient."""
+    values = {read: b.zeros(shape_of(read)) for read in inputs}
+    for op in list(b.body.ops):
+        if isinstance(op, MatOp) and dependence.is_active(op.result):
+            values[op.result] = b.copy(op, [values.get(operand, operand) for operand in op.operands])
+    return values[value]

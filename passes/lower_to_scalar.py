@@ -43,6 +43,7 @@ from yasps.dialects.scalar_tidying import tidied
 from yasps.passes.bodies import BodyBuilder, containers
 from yasps.passes.dependence import size_of
 from yasps.passes.errors import working_on
+from yasps.passes.finite_check import finite_check
 
 BINARY: dict[str, Callable[[SSAValue, SSAValue], Operation]] = {
     "add": arith.AddfOp,
@@ -288,13 +289,15 @@ def _lower_derivative(container: Container, derivative: DerivativeOp) -> None:
         outputs.append(derive.upper(symmetric))
     if projection is not None and len(projection.operands) == 2:
         outputs.append(derive.entries(projection.operands[1]))
+    (energy,) = derive.entries(terminator.energy)
+    outputs.insert(0, [finite_check(derive.graph, energy, [node for part in outputs for node in part])])
     results = _call(container, b, f"{name}.derive", stage=derive, values=values, outputs=outputs)
-    hessian = results[1] if symmetric is not None else None
+    hessian = results[2] if symmetric is not None else None
     if projection is not None:
         assert hessian is not None
         assert terminator.hessian is not None
         width = shape_of(projection.result)[0]
-        project = ProjectOp(hessian, width, projection.mode.data, results[2] if len(results) == 3 else None)
+        project = ProjectOp(hessian, width, projection.mode.data, results[3] if len(results) == 4 else None)
         b.append(project)
         hessian = project.result
         if terminator.hessian is not projection.result:
@@ -302,7 +305,7 @@ def _lower_derivative(container: Container, derivative: DerivativeOp) -> None:
             values[projection.result] = hessian
             outputs = [pull.upper(terminator.hessian)]
             (hessian,) = _call(container, b, f"{name}.pull_back", stage=pull, values=values, outputs=outputs)
-    b.append(YieldDerivativeOp(results[0], hessian, [values[v] for v in terminator.wrt]))
+    b.append(YieldDerivativeOp(results[0], results[1], hessian, [values[v] for v in terminator.wrt]))
     _replace_body(derivative, b.body)
 
 

@@ -21,6 +21,7 @@ from yasps.dialects.rel.declarations import Declaration
 from yasps.passes.bodies import containers
 from yasps.passes.differentiate import Differentiate
 from yasps.passes.errors import RULE_BROKEN, CompileError, place_of, reason_of
+from yasps.passes.fold_norms import FoldNorms
 from yasps.passes.infer_indices import InferIndices
 from yasps.passes.inline_references import InlineReferences
 from yasps.passes.ir_text import text_of
@@ -35,6 +36,7 @@ PIPELINE: tuple[ModulePass, ...] = (
     InlineReferences(),
     CommonSubexpressionElimination(),
     LiftConstants(),
+    FoldNorms(),
     Differentiate(),
     ProjectPsd(),
     ProveIsotropy(),

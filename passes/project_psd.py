@@ -84,5 +84,7 @@ def _insert(derivative: DerivativeOp, terminator: YieldDerivativeOp, symmetric: 
             projected[value] = b.congruence(hessian(op.operands[0]), op.operands[1])
         return projected[value]
 
-    b.append(YieldDerivativeOp(terminator.gradient, hessian(terminator.hessian), list(terminator.wrt)))
+    b.append(
+        YieldDerivativeOp(terminator.energy, terminator.gradient, hessian(terminator.hessian), list(terminator.wrt))
+    )
     terminator.erase()

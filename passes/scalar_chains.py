@@ -12,6 +12,7 @@ from collections.abc import Callable, Collection
 from xdsl.ir import SSAValue
 
 from yasps.dialects.mat import MatOp, shape_of
+from yasps.dialects.mat.calculus import OverNormOp
 
 Slopes = tuple[tuple[SSAValue, SSAValue | None], ...]
 WIDEST_FRONT = 2
@@ -49,14 +50,17 @@ class ScalarChains:
         if not self._in_chain(value):
             return None
         front, best = self._operands(value), None
+        passed = [value]
         while True:
             inner = [u for u in front if self._in_chain(u)]
-            if len(front) <= WIDEST_FRONT and (best is None or len(front) <= len(best)):
+            is_narrow = len(front) <= WIDEST_FRONT and (best is None or len(front) <= len(best))
+            if is_narrow and not any(_takes_apart(front, v) for v in passed):
                 best = front
             if not inner or len(front) > FARTHEST_FRONT:
                 return best
             # The last made first: nothing that is still in the front can be computed from it.
             last = max(inner, key=self._height)
+            passed.append(last)
             front = list(dict.fromkeys([u for u in front if u is not last] + self._operands(last)))
 
     def _in_chain(self, value: SSAValue) -> bool:
@@ -110,3 +114,12 @@ class ScalarChains:
             self._positions.setdefault(current, 1 + max((self._positions[v] for v in operands), default=0))
             stack.pop()
         return self._positions[value]
+
+
+def _takes_apart(front: Collection[SSAValue], value: SSAValue) -> bool:
+    """Is the value a quotient slope / n, and the slope, a function of n itself, held for the derivative by n?
+
+    Where both are 0 the quotient has a derivative, but its slopes with respect to the two of them are infinite.
+    """
+    op = value.owner
+    return isinstance(op, OverNormOp) and any(u in front for u in op.operands if u is not op.operands[1])

@@ -19,7 +19,7 @@ from yasps.frontend.errors import (
     UnsupportedSceneError,
     YaspsError,
 )
-from yasps.frontend.functions import atan2, maximum, minimum, select
+from yasps.frontend.functions import atan2, maximum, minimum, select, stumpff
 from yasps.frontend.mesh import Mesh
 from yasps.frontend.primitive import Primitive, PrimitiveUnion
 from yasps.frontend.scene import Scene, Solution, add_scene, scene
@@ -64,5 +64,6 @@ __all__ = [
     "minimum",
     "scene",
     "select",
+    "stumpff",
     "zeros",
 ]

@@ -245,7 +245,11 @@ class SumOp(MatOp):
 
 @irdl_op_definition
 class NormOp(MatOp):
-    """Euclidean (Frobenius) norm, sqrt(sum of squares); its first and second derivatives are 0 at 0."""
+    """Euclidean (Frobenius) norm, sqrt(sum of squares); it has no derivative at 0.
+
+    A smooth function of it may have one, such as its square: `passes/derivatives.py` looks at what becomes of the norm
+    and takes the limit there (`mat.over_norm`). The rules here are those of the norm itself, NaN at 0.
+    """
 
     name = "mat.norm"
     ARITY: ClassVar = 1
@@ -259,10 +263,10 @@ class NormOp(MatOp):
         return cast(Batch, np.sqrt((inputs[0] * inputs[0]).sum(axis=(1, 2), keepdims=True)))
 
     def pushforward(self, b: MatBuilder, tangents: Sequence[SSAValue | None]) -> SSAValue | None:
-        return tangents[0] and b.scale(b.reciprocal_or_zero(self.result), b.dot(self.operands[0], tangents[0]))
+        return tangents[0] and b.divide(b.dot(self.operands[0], tangents[0]), self.result)
 
     def pullback(self, b: MatBuilder, cotangent: SSAValue) -> Sequence[SSAValue | None]:
-        return (b.scale(b.scale(b.reciprocal_or_zero(self.result), cotangent), self.operands[0]),)
+        return (b.scale(b.divide(cotangent, self.result), self.operands[0]),)
 
     def lower(self, s: ScalarGraph, *inputs: Sequence[Node]) -> list[Node]:
         return [s.unary("sqrt", s.dot(inputs[0], inputs[0]))]

@@ -7,7 +7,7 @@ from typing import cast
 
 import numpy as np
 from numpy.typing import ArrayLike
-from xdsl.dialects.builtin import DenseArrayBase, Float64Type, FloatAttr, IntegerType, StringAttr, f64, i64
+from xdsl.dialects.builtin import DenseArrayBase, Float64Type, FloatAttr, IntegerAttr, IntegerType, StringAttr, f64, i64
 from xdsl.ir import Attribute, Block, Operation, SSAValue
 
 from yasps.dialects.mat import algebra, calculus, comparison, elementwise, structure, trigonometry
@@ -125,6 +125,9 @@ class MatBuilder:
     def cos(self, a: SSAValue) -> SSAValue:
         return self.emit(trigonometry.CosOp, [a])
 
+    def stumpff(self, order: int, s: SSAValue) -> SSAValue:
+        return self.emit(trigonometry.StumpffOp, [s], {"order": IntegerAttr(order, i64)})
+
     def total(self, terms: Sequence[SSAValue | None]) -> SSAValue | None:
         """Sum of the terms that are there; None if none is."""
         result: SSAValue | None = None
@@ -157,11 +160,6 @@ class MatBuilder:
         zero = self.zeros(shape_of(cast(SSAValue, a or b)))
         return self.select(condition, zero if a is None else a, zero if b is None else b)
 
-    def reciprocal_or_zero(self, a: SSAValue) -> SSAValue:
-        """1 / a of a 1x1 value a >= 0, and 0 for a = 0, where its derivatives are 0 too."""
-        zero = self.number(0.0)
-        return self.select(self.less_equal(a, zero), zero, self.power(a, -1.0))
-
     # -- linear algebra ------------------------------------------------------------------------------------
 
     def matmul(self, a: SSAValue, b: SSAValue) -> SSAValue:
@@ -189,6 +187,11 @@ class MatBuilder:
 
     def cofactor(self, a: SSAValue) -> SSAValue:
         return self.emit(algebra.CofactorOp, [a])
+
+    def over_norm(self, slope: SSAValue, norm: SSAValue, limit: SSAValue | None = None) -> SSAValue:
+        """slope / norm; where both are 0 it is `limit`, and 0 without one. See OverNormOp."""
+        limit = self.zeros(shape_of(slope)) if limit is None else limit
+        return self.emit(calculus.OverNormOp, [slope, norm, limit])
 
     def congruence(self, symmetric: SSAValue, linear: SSAValue) -> SSAValue:
         return self.emit(calculus.CongruenceOp, [symmetric, linear])

@@ -4,15 +4,30 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from functools import cache
-from typing import ClassVar, cast
+from typing import TYPE_CHECKING, ClassVar, cast
 
 import numpy as np
 from xdsl.dialects.builtin import StringAttr
 from xdsl.ir import Attribute, SSAValue
 from xdsl.irdl import irdl_op_definition, prop_def
 
-from yasps.dialects.mat.base import Batch, MatOp, Shape, ShapeError, is_identity, shape_of, spell, square
+from yasps.dialects.mat.base import (
+    Batch,
+    MatOp,
+    Shape,
+    ShapeError,
+    constant_value,
+    is_identity,
+    is_zero,
+    same_shapes,
+    shape_of,
+    spell,
+    square,
+)
 from yasps.dialects.scalar_graph import Node, ScalarGraph
+
+if TYPE_CHECKING:
+    from yasps.dialects.mat.builder import MatBuilder
 
 PROJECTION_MODES = ("clamp", "abs")
 ISOTROPIC_WIDTHS = (9, 6)
@@ -36,6 +51,60 @@ class StopGradientOp(MatOp):
 
     def lower(self, s: ScalarGraph, *inputs: Sequence[Node]) -> list[Node]:
         return list(inputs[0])
+
+
+@irdl_op_definition
+class OverNormOp(MatOp):
+    """slope / n for a norm n, entry by entry: by what the vector is multiplied in the gradient of a function of n.
+
+    That gradient is f'(n) x / n. Where n is 0, it and the second derivative exist if f'(0) is exactly 0; then f'(n) / n
+    tends to f''(0), the third operand. For any other slope the quotient is infinite, which is reported.
+    """
+
+    name = "mat.over_norm"
+    ARITY: ClassVar = 3
+
+    @classmethod
+    def infer(cls, shapes: Sequence[Shape], properties: dict[str, Attribute]) -> Shape:
+        if shapes[1] != (1, 1):
+            raise ShapeError(f"a norm must be 1x1, got {spell(shapes[1])}")
+        return same_shapes("a quotient and its limit", [shapes[0], shapes[2]])
+
+    def simplify(self) -> SSAValue | None:
+        slope, _, limit = self.operands
+        return slope if is_zero(slope) and is_zero(limit) else None
+
+    def evaluate(self, *inputs: Batch) -> Batch:
+        slope, norm, limit = inputs
+        at_limit = (np.real(norm) == 0) & (np.real(slope) == 0)
+        return np.where(at_limit, limit, slope / np.where(at_limit, 1, norm))
+
+    def pushforward(self, b: MatBuilder, tangents: Sequence[SSAValue | None]) -> SSAValue | None:
+        dslope, dnorm, _ = tangents
+        norm = self.operands[1]
+        if dnorm is None:
+            return dslope and b.over_norm(dslope, norm)
+        # (f'(n) / n)' x tends to 0 with x, whatever the quotient does; but where n itself has no tangent (NaN, see
+        # passes/norms.py) there is none. A constant one is not that of a direction: n is a variable of its own.
+        change = cast(SSAValue, b.difference(dslope, b.scale(dnorm, self.result)))
+        at_zero = b.zeros(shape_of(change))
+        if constant_value(dnorm) is None:
+            at_zero = b.scale(dnorm, b.constant(np.ones(shape_of(change))))
+        return b.select(b.less_equal(norm, b.number(0.0)), at_zero, b.divide(change, norm))
+
+    def pullback(self, b: MatBuilder, cotangent: SSAValue) -> Sequence[SSAValue | None]:
+        to_slope = b.over_norm(cotangent, self.operands[1])
+        return (to_slope, b.neg(b.dot(to_slope, self.result)), None)
+
+    def lower(self, s: ScalarGraph, *inputs: Sequence[Node]) -> list[Node]:
+        norm = inputs[1][0]
+        is_origin = s.compare("le", norm, s.zero)
+        quotients = []
+        for slope, limit in zip(inputs[0], inputs[2], strict=True):
+            quotient = s.div(slope, norm)
+            vanishes = s.compare("le", s.unary("abs", slope), s.zero)
+            quotients.append(s.select(is_origin, s.select(vanishes, limit, quotient), quotient))
+        return quotients
 
 
 @irdl_op_definition
@@ -151,4 +220,4 @@ class ProjectPsdOp(MatOp):
         raise ValueError("mat.project_psd is no scalar code; lower-to-scalar splits the function here")
 
 
-OPS = (StopGradientOp, CongruenceOp, ProjectPsdOp)
+OPS = (StopGradientOp, OverNormOp, CongruenceOp, ProjectPsdOp)

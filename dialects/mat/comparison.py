@@ -199,7 +199,10 @@ class MaxOp(_Extremum):
 
 @irdl_op_definition
 class AbsOp(EntrywiseFunction):
-    """Absolute value; its derivative is 0 at 0."""
+    """Absolute value: a where a >= 0, else -a, and the derivative of that.
+
+    So its square has the right curvature at 0, which it would not have if the derivative were 0 there.
+    """
 
     name = "mat.abs"
     FUNCTION: ClassVar = "abs"
@@ -212,8 +215,8 @@ class AbsOp(EntrywiseFunction):
 
     def derivative(self, b: MatBuilder) -> SSAValue:
         x = self.operands[0]
-        zero, one = b.zeros(shape_of(x)), b.constant(np.ones(shape_of(x)))
-        return b.select(b.less(x, zero), b.neg(one), b.select(b.less(zero, x), one, zero))
+        one = b.constant(np.ones(shape_of(x)))
+        return b.select(b.less(x, b.zeros(shape_of(x))), b.neg(one), one)
 
 
 OPS = (CompareOp, SelectOp, MinOp, MaxOp, AbsOp)

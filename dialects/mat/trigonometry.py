@@ -2,19 +2,28 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, ClassVar, cast
 
 import numpy as np
+from xdsl.dialects.builtin import IntegerAttr
 from xdsl.ir import Attribute, SSAValue
-from xdsl.irdl import irdl_op_definition
+from xdsl.irdl import irdl_op_definition, prop_def
 
-from yasps.dialects.mat.base import Batch, MatOp, Shape, same_shapes, shape_of
+from yasps.dialects.mat.base import Batch, MatOp, Shape, ShapeError, same_shapes, shape_of
 from yasps.dialects.mat.elementwise import EntrywiseFunction
 from yasps.dialects.scalar_graph import Node, ScalarGraph
 
 if TYPE_CHECKING:
     from yasps.dialects.mat.builder import MatBuilder
+
+LARGEST_ORDER = 9
+"""Of a Stumpff function; second derivatives of those up to order 5 need it."""
+LARGEST_OF_SERIES = 4.0
+"""Up to this argument Stumpff functions are series; beyond, the closed forms cancel no more than two digits."""
+LAST_OF_SERIES = 32
+"""The series end with the term of 1 / 32!, less than 1e-17 of the first for every order."""
 
 
 @irdl_op_definition
@@ -126,4 +135,69 @@ class Atan2Op(MatOp):
         return [s.binary("atan2", y, x) for y, x in zip(*inputs, strict=True)]
 
 
-OPS = (SinOp, CosOp, TanOp, AsinOp, AcosOp, Atan2Op)
+def stumpff(order: int, s: Batch) -> Batch:
+    """c_k(s) = 1/k! - s/(k + 2)! + s^2/(k + 4)! - ..., entry by entry, for s >= 0; complex too (complex step)."""
+    s = np.asarray(s)
+    is_small = np.abs(np.real(s)) <= LARGEST_OF_SERIES
+    small, large = np.where(is_small, s, 0.0), np.where(is_small, 1.0, s)
+    series: Batch = np.zeros(s.shape)
+    for k in range(order + 2 * ((LAST_OF_SERIES - order) // 2), order - 1, -2):
+        series = 1.0 / math.factorial(k) - small * series
+    with np.errstate(invalid="ignore"):
+        root = np.sqrt(large)
+    closed = np.cos(root) if order % 2 == 0 else np.sin(root) / root
+    for k in range(order % 2, order, 2):
+        closed = (1.0 / math.factorial(k) - closed) / large
+    return np.where(is_small, series, closed)
+
+
+@irdl_op_definition
+class StumpffOp(EntrywiseFunction):
+    """Stumpff function c_k(s) = 1/k! - s/(k + 2)! + s^2/(k + 4)! - ... for s >= 0, smooth at 0 too.
+
+    With n = sqrt(s): c_0 = cos n, c_1 = sin(n) / n, c_2 = (1 - cos n) / n^2, c_3 = (n - sin n) / n^3.
+    """
+
+    name = "mat.stumpff"
+    FUNCTION: ClassVar = "stumpff"
+    order = prop_def(IntegerAttr)
+
+    @property
+    def k(self) -> int:
+        return int(self.order.value.data)
+
+    @classmethod
+    def infer(cls, shapes: Sequence[Shape], properties: dict[str, Attribute]) -> Shape:
+        order = cast(IntegerAttr, properties["order"]).value.data
+        if not 0 <= order <= LARGEST_ORDER:
+            raise ShapeError(f"the order of a Stumpff function is one of 0 to {LARGEST_ORDER}, got {order}")
+        return shapes[0]
+
+    def evaluate(self, *inputs: Batch) -> Batch:
+        return stumpff(self.k, inputs[0])
+
+    def derivative(self, b: MatBuilder) -> SSAValue:
+        # (k c_{k+2} - c_{k+1}) / 2, which does not cancel near 0: the terms are k : k + 2
+        s = self.operands[0]
+        first, second = b.stumpff(self.k + 1, s), b.stumpff(self.k + 2, s) if self.k else None
+        change = b.difference(second and b.scale(b.number(float(self.k)), second), first)
+        return b.scale(b.number(0.5), cast(SSAValue, change))
+
+    def lower(self, s: ScalarGraph, *inputs: Sequence[Node]) -> list[Node]:
+        return [_stumpff_node(s, self.k, a) for a in inputs[0]]
+
+
+def _stumpff_node(s: ScalarGraph, order: int, a: Node) -> Node:
+    """Functions of the same number share sine, cosine and what remains of the series: c_k = 1/k! - s c_{k+2}."""
+    series = s.zero
+    for k in range(order + 2 * ((LAST_OF_SERIES - order) // 2), order - 1, -2):
+        series = s.sub(s.constant(1.0 / math.factorial(k)), s.mul(a, series))
+    root = s.unary("sqrt", a)
+    closed = s.unary("cos", root) if order % 2 == 0 else s.div(s.unary("sin", root), root)
+    for k in range(order % 2, order, 2):
+        closed = s.div(s.sub(s.constant(1.0 / math.factorial(k)), closed), a)
+    is_small = s.compare("le", s.unary("abs", a), s.constant(LARGEST_OF_SERIES))
+    return s.select(is_small, series, closed)
+
+
+OPS = (SinOp, CosOp, TanOp, AsinOp, AcosOp, Atan2Op, StumpffOp)

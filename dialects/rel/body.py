@@ -222,27 +222,32 @@ def _total(values: Sequence[SSAValue]) -> int:
 
 @irdl_op_definition
 class YieldDerivativeOp(IRDLOperation):
-    """Gradient (n x 1) and Hessian with respect to the n entries of the boundary inputs `wrt`.
+    """An energy (1x1), its gradient (n x 1) and Hessian with respect to the n entries of the boundary inputs `wrt`.
 
-    A missing Hessian is zero (the energy is affine). After `lower-to-scalar` the Hessian is the packed upper triangle.
+    A missing Hessian is zero: the energy is affine. After `lower-to-scalar` the Hessian is the packed upper triangle.
+    The energy is there to be checked together with its derivatives, which may be finite where it is not. So of an
+    affine one it is the part without the inputs, and `lower-to-scalar` makes it cheaper (passes/finite_check.py).
     """
 
     name = "rel.yield_derivative"
+    energy = operand_def()
     gradient = operand_def()
     hessian = opt_operand_def()
     wrt = var_operand_def()
     traits = traits_def(IsTerminator())
     irdl_options = (ParsePropInAttrDict(), AttrSizedOperandSegments(as_property=True))
     assembly_format = (
-        "`gradient` $gradient `:` type($gradient) (`hessian` $hessian^ `:` type($hessian))? "
+        "$energy `:` type($energy) `gradient` $gradient `:` type($gradient) (`hessian` $hessian^ `:` type($hessian))? "
         "`wrt` $wrt `:` type($wrt) attr-dict"
     )
 
-    def __init__(self, gradient: SSAValue, hessian: SSAValue | None, wrt: Sequence[SSAValue]) -> None:
-        super().__init__(operands=[[gradient], [] if hessian is None else [hessian], list(wrt)])
+    def __init__(self, energy: SSAValue, gradient: SSAValue, hessian: SSAValue | None, wrt: Sequence[SSAValue]) -> None:
+        super().__init__(operands=[[energy], [gradient], [] if hessian is None else [hessian], list(wrt)])
 
     def verify_(self) -> None:
         count = _total(self.wrt)
+        if shape_of(self.energy) != (1, 1):
+            raise VerifyException(f"an energy is 1x1, got {spell(shape_of(self.energy))}")
         if shape_of(self.gradient) != (count, 1):
             raise VerifyException(
                 f"the gradient with respect to {count} entries is {count}x1, got {spell(shape_of(self.gradient))}"

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 from mat_bodies import block_of
 from mat_examples import ALL, integers
-from xdsl.dialects.builtin import StringAttr, f64
+from xdsl.dialects.builtin import IntegerAttr, StringAttr, f64, i64
 from xdsl.ir import Attribute, Block
 from xdsl.utils.exceptions import VerifyException
 
@@ -45,6 +45,9 @@ WRONG: list[tuple[str, tuple[Shape, ...], dict[str, Attribute], str]] = [
     ("project_psd", ((2, 3),), {"mode": StringAttr("clamp")}, "a projection needs a square matrix, got 2x3"),
     ("project_psd", ((2, 2),), {"mode": StringAttr("none")}, "mode must be one of clamp, abs, got 'none'"),
     ("atan2", ((2, 1), (1, 2)), {}, "an angle by atan2 needs equal shapes, got 2x1 and 1x2"),
+    ("over_norm", ((2, 1), (2, 1), (2, 1)), {}, "a norm must be 1x1, got 2x1"),
+    ("over_norm", ((2, 1), (1, 1), (1, 2)), {}, "a quotient and its limit needs equal shapes, got 2x1 and 1x2"),
+    ("stumpff", ((2, 1),), {"order": IntegerAttr(10, i64)}, "one of 0 to 9, got 10"),
     ("compare", ((2, 1), (1, 1)), {"predicate": StringAttr("lt")}, "a comparison needs equal shapes, got 2x1 and 1x1"),
     ("compare", ((1, 1), (1, 1)), {"predicate": StringAttr("eq")}, "predicate must be one of lt, le, got 'eq'"),
     ("select", ((1, 1), (2, 1), (1, 1)), {}, "a choice needs equal shapes, got 2x1 and 1x1"),

@@ -73,16 +73,18 @@ builtin.module {
     rel.derivative @m.p.affine of @m.p.energy on @m.p projection "none" curved {
       %12 = rel.join @m.u.x through @m.p.ends : tensor<2x3xf64>
       %13 = mat.reshape %12 {shape = array<i64: 6, 1>} : (tensor<2x3xf64>) -> tensor<6x1xf64>
-      rel.yield_derivative gradient %13 : tensor<6x1xf64> wrt %12 : tensor<2x3xf64>
+      %22 = mat.dot %13, %13 : (tensor<6x1xf64>, tensor<6x1xf64>) -> tensor<1x1xf64>
+      rel.yield_derivative %22 : tensor<1x1xf64> gradient %13 : tensor<6x1xf64> wrt %12 : tensor<2x3xf64>
     }
   }
   rel.object @energy.object entries ["batch", "call"] {
     rel.derivative @m.p.derivative of @m.p.energy on @m.p projection "clamp" dynamic indices @m.v.x.kappa \
 projects "6x6" {
       %14 = rel.join @m.u.x through @m.p.ends : tensor<2x3xf64>
-      %15, %16 = rel.apply @derive(%14) : (tensor<2x3xf64>) -> (tensor<6x1xf64>, tensor<21x1xf64>)
+      %23, %15, %16 = rel.apply @derive(%14) : (tensor<2x3xf64>) -> (tensor<1x1xf64>, tensor<6x1xf64>, tensor<21x1xf64>)
       %17 = rel.project %16 width 6 : i64 mode "clamp" : tensor<21x1xf64> -> tensor<21x1xf64>
-      rel.yield_derivative gradient %15 : tensor<6x1xf64> hessian %17 : tensor<21x1xf64> wrt %14 : tensor<2x3xf64>
+      rel.yield_derivative %23 : tensor<1x1xf64> gradient %15 : tensor<6x1xf64> hessian %17 : tensor<21x1xf64> \
+wrt %14 : tensor<2x3xf64>
     }
   }
 }

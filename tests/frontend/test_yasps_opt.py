@@ -75,7 +75,7 @@ def test_every_pass_keeps_the_numbers(name: str, dumps: Path, capsys: pytest.Cap
 def test_passes_run_before_the_interpreter(dumps: Path, capsys: pytest.CaptureFixture[str]) -> None:
     data = ["--interpret", str(dumps / "shared" / "data.npz")]
     before = said([str(dumps / "shared" / "03-cse.mlir"), "-p", "differentiate", *data], capsys)
-    after = said([str(dumps / "shared" / "10-outline-modules.mlir"), *data], capsys)
+    after = said([str(dumps / "shared" / "11-outline-modules.mlir"), *data], capsys)
     assert before.keys() == after.keys()
     assert all(close(before[energy], after[energy]) for energy in before)
 
@@ -86,7 +86,7 @@ def test_the_numbers_are_the_compiled_scenes(tmp_path: Path, capsys: pytest.Capt
     x = scene.m.v["x"]
     x.update_value(1.1 * x.value)
     scene.dump_ir(tmp_path)
-    arguments = [str(tmp_path / "10-outline-modules.mlir"), "--interpret", str(tmp_path / "data.npz")]
+    arguments = [str(tmp_path / "11-outline-modules.mlir"), "--interpret", str(tmp_path / "data.npz")]
     (numbers,) = said(arguments, capsys).values()
     compiled = scene.compile()
     gradient = compiled.assemble()
@@ -99,15 +99,15 @@ def test_random_numbers_compare_dumps_without_data(dumps: Path, capsys: pytest.C
     def numbers(stage: str, *options: str) -> Numbers:
         return said([str(dumps / "shared" / stage), *options], capsys)
 
-    a, b = numbers("05-differentiate.mlir", "--random", "4"), numbers("10-outline-modules.mlir", "--random", "4")
+    a, b = numbers("06-differentiate.mlir", "--random", "4"), numbers("11-outline-modules.mlir", "--random", "4")
     assert all(close(a[energy], b[energy]) for energy in a)
-    other = numbers("10-outline-modules.mlir", "--random", "4", "--seed", "1")
+    other = numbers("11-outline-modules.mlir", "--random", "4", "--seed", "1")
     assert not any(close(other[energy], b[energy]) for energy in b)
 
 
 def test_a_wrong_rewriting_is_seen(dumps: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """Otherwise comparing would be worth nothing."""
-    path = dumps / "shared" / "10-outline-modules.mlir"
+    path = dumps / "shared" / "11-outline-modules.mlir"
     broken = tmp_path / "broken.mlir"
     broken.write_text(path.read_text(encoding="utf-8").replace("arith.subf", "arith.addf"), encoding="utf-8")
     right, wrong = (said([str(p), "--random", "3"], capsys) for p in (path, broken))
@@ -122,7 +122,7 @@ def test_outputs_are_told_too(
     scene = Scene("s")
     x = scene.add_mesh("m").add_primitive("v", 2).add_attribute("x", 1, 1, value=[3.0, 4.0])
     (2.0 * x).compute()
-    (stage,) = tmp_path.glob("s/*/08-*.mlir")
+    (stage,) = tmp_path.glob("s/*/*-lower-to-scalar.mlir")
     assert main([str(stage), "--random", "2"]) == 0
     assert re.fullmatch(r"output @m\.v\.unnamed\.1: norm \d+\.\d+\n", capsys.readouterr().out)
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 from mat_bodies import block_of
-from xdsl.dialects.builtin import DenseArrayBase, FloatAttr, StringAttr, f64, i64
+from xdsl.dialects.builtin import DenseArrayBase, FloatAttr, IntegerAttr, StringAttr, f64, i64
 from xdsl.ir import Attribute, Block
 
 from yasps.dialects.mat import (
@@ -35,6 +35,11 @@ def plain(random: np.random.Generator, shape: Shape) -> Batch:
 def positive(random: np.random.Generator, shape: Shape) -> Batch:
     """Numbers of (0.5, 2)."""
     return random.uniform(0.5, 2.0, (INSTANCES, *shape))
+
+
+def large(random: np.random.Generator, shape: Shape) -> Batch:
+    """Numbers of (4.5, 60)."""
+    return random.uniform(4.5, 60.0, (INSTANCES, *shape))
 
 
 def small(random: np.random.Generator, shape: Shape) -> Batch:
@@ -103,7 +108,10 @@ def _functions() -> list[Example]:
     domains: dict[str, Sampler] = {"sqrt": positive, "log": positive, "tan": small, "asin": small, "acos": small}
     made = []
     for op_class in (*elementwise.OPS, *trigonometry.OPS):
-        if issubclass(op_class, elementwise.EntrywiseFunction) and op_class is not elementwise.PowOp:
+        if issubclass(op_class, elementwise.EntrywiseFunction) and op_class not in (
+            elementwise.PowOp,
+            trigonometry.StumpffOp,
+        ):
             domain = domains.get(op_class.word(), plain)
             made += [Example(op_class, (shape,), (domain,), rational=False) for shape in ((1, 1), (2, 3))]
     return made
@@ -174,6 +182,8 @@ ALL: list[Example] = [
     Example(structure.ConcatColsOp, ((2, 1),)),
     Example(structure.ConcatColsOp, ((2, 1), (2, 3), (2, 2))),
     *_one(calculus.StopGradientOp, (1, 1), (2, 3)),
+    Example(calculus.OverNormOp, ((1, 1), (1, 1), (1, 1)), (plain, positive, plain)),
+    Example(calculus.OverNormOp, ((2, 3), (1, 1), (2, 3)), (plain, positive, plain)),
     Example(calculus.CongruenceOp, ((3, 3), (3, 2)), (symmetric, plain)),
     Example(calculus.CongruenceOp, ((2, 2), (2, 4)), (symmetric, plain)),
     *[
@@ -183,6 +193,11 @@ ALL: list[Example] = [
     ],
     Example(trigonometry.Atan2Op, ((1, 1), (1, 1)), rational=False),
     Example(trigonometry.Atan2Op, ((2, 3), (2, 3)), rational=False),
+    *[
+        Example(trigonometry.StumpffOp, (shape,), (sampler,), {"order": IntegerAttr(order, i64)}, rational=False)
+        for order in range(6)
+        for shape, sampler in (((2, 3), positive), ((1, 2), large))
+    ],
     *[
         Example(comparison.CompareOp, (shape, shape), properties={"predicate": StringAttr(predicate)})
         for shape in ((1, 1), (2, 3))

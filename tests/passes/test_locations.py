@@ -133,7 +133,7 @@ def test_dump_ir_of_a_scene_takes_the_option(tmp_path: Path) -> None:
     scene = scene_of(lambda x: x.dot(x))
     scene.dump_ir(tmp_path / "a")
     scene.dump_ir(tmp_path / "b", locations=True)
-    for stage in ("00-frontend.mlir", "10-outline-modules.mlir"):
+    for stage in ("00-frontend.mlir", "11-outline-modules.mlir"):
         assert __file__ not in (tmp_path / "a" / stage).read_text(encoding="utf-8")
         assert __file__ in (tmp_path / "b" / stage).read_text(encoding="utf-8")
 
@@ -157,7 +157,7 @@ def test_an_operation_without_derivative_is_named_with_its_energy() -> None:
 def test_the_advice_works() -> None:
     scene = scene_of(lambda x: without_rule(x).stop_gradient().dot(x))
     module = emit(scene).module
-    run_passes(PassPipeline(PIPELINE[:5]), make_context(), module)
+    run_passes(PassPipeline(PIPELINE[: 1 + [p.name for p in PIPELINE].index("differentiate")]), make_context(), module)
     assert any(isinstance(op, DerivativeOp) for op in module.walk())
 
 
@@ -302,7 +302,7 @@ def test_derivatives_that_are_not_finite_name_the_line() -> None:
     with pytest.raises(NotFiniteError) as caught:
         scene.gradient()
     message = str(caught.value)
-    assert message.startswith("the derivatives of energy m.v.e are not finite on instance 2")
+    assert message.startswith("energy m.v.e is not finite (nan) on instance 2")
     assert message.endswith(f"It was made at {__file__}:{line}")
 
 

@@ -45,7 +45,7 @@ OPERATIONS = {
         "both.pp.barrier.value": 15,
         "both.pp.barrier.derive": 126,
         "both.pp.barrier.pull_back": 6,
-        "both.v.gravity.derive": 4,
+        "both.v.gravity.derive": 10,
     },
 }
 
@@ -64,6 +64,8 @@ def test_no_operation_is_trivial(run: Any) -> None:
             operands = list(op.operands)
             if isinstance(op, arith.SelectOp | arith.CmpfOp):  # 0 is an outcome, and what signs are told by
                 continue
+            if isinstance(op, arith.DivfOp) and _is_constant(op.operands[0], 1.0) and _is_constant(op.operands[1], 0.0):
+                continue  # infinity, where the energy is not finite
             assert not any(_is_constant(v, 0.0) for v in operands), f"{name}: {op}"
             if isinstance(op, arith.MulfOp):
                 assert not any(_is_constant(v, 1.0) for v in operands), f"{name}: {op}"
@@ -91,7 +93,7 @@ def test_only_scalar_operations_are_left(run: Any) -> None:
 def test_only_upper_triangles_are_computed(run: Any) -> None:
     """A Hessian of n entries is n (n + 1) / 2 results, before and after the projection.
 
-    The matrix that an energy is isotropic in is a result too.
+    The matrix that an energy is isotropic in is a result too, and the energy, which is looked at.
     """
     derivatives = [op for op in run.last.walk() if isinstance(op, DerivativeOp)]
     assert derivatives
@@ -107,11 +109,11 @@ def test_only_upper_triangles_are_computed(run: Any) -> None:
         if not projects:  # a constant Hessian is projected while compiling
             returned = made[f"{name}.derive"].body.block.last_op
             assert isinstance(returned, func.ReturnOp)
-            assert all(isinstance(v.owner, arith.ConstantOp) for v in returned.arguments[n:])
+            assert all(isinstance(v.owner, arith.ConstantOp) for v in returned.arguments[1 + n :])
         width = projects[0].width.value.data if projects else n
         derive = made[f"{name}.derive"].function_type.outputs.data
         isotropic = bool(projects) and projects[0].deformation is not None
-        assert len(derive) == n + packed_size(width) + (width if isotropic else 0)
+        assert len(derive) == 1 + n + packed_size(width) + (width if isotropic else 0)
         assert (f"{name}.pull_back" in made) == (width < n)
         if width < n:
             assert len(made[f"{name}.pull_back"].function_type.outputs.data) == packed_size(n)

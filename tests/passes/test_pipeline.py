@@ -25,6 +25,7 @@ def test_the_passes_are_those_of_the_architecture() -> None:
     assert [p.name for p in PIPELINE if p.name not in ("canonicalize", "cse")] == [
         "inline-references",
         "lift-constants",
+        "fold-norms",
         *DERIVED,
     ]
 

@@ -96,8 +96,8 @@ class HyperDual:
         return self.value <= other.value
 
     def __abs__(self) -> HyperDual:
-        """Without a slope at 0, as the language says."""
-        return self.of(abs(self.value), Fraction((self.value > 0) - (self.value < 0)), Fraction(0))
+        """With the slope 1 at 0, as the language says."""
+        return self.of(abs(self.value), Fraction(1 if self.value >= 0 else -1), Fraction(0))
 
     def __add__(self, other: HyperDual) -> HyperDual:
         return HyperDual(

@@ -28,7 +28,7 @@ from matrix_meaning import (
 )
 from xdsl.dialects.builtin import DenseArrayBase, FloatAttr, f64, i64
 
-from yasps import Attribute, Scene, atan2, concat_cols, concat_rows, maximum, minimum, select
+from yasps import Attribute, Scene, atan2, concat_cols, concat_rows, maximum, minimum, select, stumpff
 from yasps.dialects.mat import OPERATIONS as MAT_OPERATIONS
 from yasps.dialects.mat import algebra, elementwise, structure
 from yasps.frontend.attribute import combine, constant
@@ -74,6 +74,7 @@ WORDS: dict[str, Any] = {
     "minimum": minimum,
     "maximum": maximum,
     "atan2": atan2,
+    "stumpff": stumpff,
 }
 
 
@@ -166,6 +167,9 @@ OPERATIONS: dict[str, Operation] = {
     "sin": Operation("{0}.sin()", np.sin, "sin", False),
     "cos": Operation("{0}.cos()", np.cos, "cos", False),
     "norm": Operation("{0}.norm()", lambda a: one(np.sqrt((a * a).sum())), "norm", False),
+    "stumpff": Operation(
+        "stumpff(1, positive({0}))", lambda a: np.sin((1.5 + a * a) ** 0.5) / (1.5 + a * a) ** 0.5, "stumpff", False
+    ),
     "root": Operation("power(positive({0}), -1.5)", lambda a: (1.5 + a * a) ** -1.5, "pow", False),
     "tan": Operation("(0.25 * {0}).tan()", lambda a: np.tan(0.25 * a), "tan", False, has_tangent),
     "asin": Operation("(0.9 * {0}.sin()).asin()", lambda a: np.arcsin(0.9 * np.sin(a)), "asin", False),

@@ -28,4 +28,4 @@ rel.scene @s {
 // CHECK:         [[J:%.+]] = mat.constant {value = dense<{{\[\[}}1.000000e+00, 0.000000e+00], [0.000000e+00, 1.000000e+00]]>
 // CHECK:         rel.yield_jacobian [[J]] : tensor<2x2xf64> wrt [[T]] : tensor<1x2xf64>
 // CHECK:       rel.derivative @m.e.sum.derivative
-// CHECK:         rel.yield_derivative gradient [[G:%.+]] : tensor<4x1xf64> wrt [[X:%.+]] : tensor<2x2xf64>
+// CHECK:         rel.yield_derivative [[E:%.+]] : tensor<1x1xf64> gradient [[G:%.+]] : tensor<4x1xf64> wrt [[X:%.+]] : tensor<2x2xf64>

@@ -24,5 +24,5 @@ rel.scene @s {
 // CHECK:         [[L:%.+]] = mat.constant {{.*}} -> tensor<3x6xf64>
 // CHECK:         [[P:%.+]] = mat.project_psd [[S:%.+]] {mode = "abs"} : (tensor<3x3xf64>) -> tensor<3x3xf64>
 // CHECK-NEXT:    [[H:%.+]] = mat.congruence [[P]], [[L]] : (tensor<3x3xf64>, tensor<3x6xf64>) -> tensor<6x6xf64>
-// CHECK-NEXT:    rel.yield_derivative gradient [[G:%.+]] : tensor<6x1xf64> hessian [[H]] : tensor<6x6xf64> wrt [[X]]
+// CHECK-NEXT:    rel.yield_derivative [[E:%.+]] : tensor<1x1xf64> gradient [[G:%.+]] : tensor<6x1xf64> hessian [[H]] : tensor<6x6xf64> wrt [[X]]
 // CHECK-NOT:   rel.jacobian

@@ -1,6 +1,6 @@
 // RUN: yasps-opt -p differentiate,project-psd,lower-to-scalar %s | filecheck %s
-// k |x|^2 of a 2-vector: value, gradient and the three entries of its Hessian's upper triangle. What is made of k alone
-// is the same for all instances.
+// k |x|^2 of a 2-vector: value, gradient and the three entries of its Hessian's upper triangle; the value is checked, too.
+// What is made of k alone is the same for all instances.
 
 rel.scene @s {
   rel.mesh @m in @s
@@ -22,20 +22,19 @@ rel.scene @s {
 // CHECK:         [[U:%.+]] = rel.apply @m.v.e.value_uniforms(%k) uniform : (tensor<1x1xf64>) -> tensor<1x1xf64>
 // CHECK-NEXT:    rel.apply @m.v.e.value(%x, [[U]]) : (tensor<2x1xf64>, tensor<1x1xf64>) -> tensor<1x1xf64>
 // CHECK:       rel.derivative @m.v.e.derivative {{.*}} projects "2x2 of 2x2: no narrower linear cut" {
-// CHECK:         [[G:%.+]], [[S:%.+]] = rel.apply @m.v.e.derive({{.*}}) : {{.*}} -> (tensor<2x1xf64>, tensor<3x1xf64>)
+// CHECK:         [[E:%.+]], [[G:%.+]], [[S:%.+]] = rel.apply @m.v.e.derive({{.*}}) : {{.*}} -> (tensor<1x1xf64>, tensor<2x1xf64>, tensor<3x1xf64>)
 // CHECK-NEXT:    [[H:%.+]] = rel.project [[S]] width 2 : i64 mode "clamp" : tensor<3x1xf64> -> tensor<3x1xf64>
-// CHECK-NEXT:    rel.yield_derivative gradient [[G]] : tensor<2x1xf64> hessian [[H]] : tensor<3x1xf64> wrt
+// CHECK-NEXT:    rel.yield_derivative [[E]] : tensor<1x1xf64> gradient [[G]] : tensor<2x1xf64> hessian [[H]] : tensor<3x1xf64> wrt
 // CHECK:       func.func @m.v.e.value([[X:%.+]]: f64, [[Y:%.+]]: f64, [[K:%.+]]: f64) -> f64 {
 // CHECK-NEXT:    [[XX:%.+]] = arith.mulf [[X]], [[X]] : f64
 // CHECK-NEXT:    [[YY:%.+]] = arith.mulf [[Y]], [[Y]] : f64
 // CHECK-NEXT:    [[D:%.+]] = arith.addf [[XX]], [[YY]] : f64
 // CHECK-NEXT:    [[E:%.+]] = arith.mulf [[K]], [[D]] : f64
 // CHECK-NEXT:    func.return [[E]] : f64
-// CHECK:       func.func @m.v.e.derive_uniforms([[A:%.+]]: f64) -> f64 {
+// CHECK:       func.func @m.v.e.derive_uniforms([[A:%.+]]: f64) -> (f64, f64) {
 // CHECK-NEXT:    [[TWO:%.+]] = arith.constant 2.000000e+00 : f64
 // CHECK-NEXT:    [[B:%.+]] = arith.mulf [[TWO]], [[A]] : f64
-// CHECK-NEXT:    func.return [[B]] : f64
+// CHECK-NEXT:    func.return [[A]], [[B]] : f64, f64
 // CHECK:       func.func @m.v.e.derive(
-// CHECK-NOT:     arith.addf
 // CHECK:         [[ZERO:%.+]] = arith.constant 0.000000e+00 : f64
-// CHECK:         func.return {{.*}}, {{.*}}, [[C:%.+]], [[ZERO]], [[C]] : f64, f64, f64, f64, f64
+// CHECK:         func.return {{.*}}, {{.*}}, {{.*}}, [[C:%.+]], [[ZERO]], [[C]] : f64, f64, f64, f64, f64, f64

@@ -59,7 +59,7 @@ static inline void derive_uniforms_one(const double* x0, double* y0) {
     y0[1] = t3;
 }
 
-static inline void derive_pack(const V* x0, const V* x1, V* y0, V* y1) {
+static inline void derive_pack(const V* x0, const V* x1, V* y0, V* y1, V* y2) {
     const V t9 = x0[0] - x0[3];
     const V t10 = x0[1] - x0[4];
     const V t11 = x0[2] - x0[5];
@@ -119,21 +119,23 @@ static inline void derive_pack(const V* x0, const V* x1, V* y0, V* y1) {
     const V t66 = t9 * t65;
     const V t67 = splat(2.0) * t66;
     const V t68 = t31 + t67;
-    const V t69 = -t32;
-    const V t70 = -t33;
-    const V t71 = -t34;
-    y0[0] = t32;
-    y0[1] = t33;
-    y0[2] = t34;
-    y0[3] = t69;
-    y0[4] = t70;
-    y0[5] = t71;
-    y1[0] = t68;
-    y1[1] = t62;
-    y1[2] = t56;
-    y1[3] = t64;
-    y1[4] = t57;
-    y1[5] = t59;
+    const V t69 = t18 * t21;
+    const V t70 = -t32;
+    const V t71 = -t33;
+    const V t72 = -t34;
+    y0[0] = t69;
+    y1[0] = t32;
+    y1[1] = t33;
+    y1[2] = t34;
+    y1[3] = t70;
+    y1[4] = t71;
+    y1[5] = t72;
+    y2[0] = t68;
+    y2[1] = t62;
+    y2[2] = t56;
+    y2[3] = t64;
+    y2[4] = t57;
+    y2[5] = t59;
 }
 
 extern "C" long yasps<both.pp.barrier.derivative>_derive(Arguments a, long begin, long end, const yasps_sink* sink) {
@@ -163,10 +165,10 @@ extern "C" long yasps<both.pp.barrier.derivative>_derive(Arguments a, long begin
                 (void)i;
             }
             (void)at;
-            V gradient[6];
+            V energy[1], gradient[6];
             V* const middle = middle_of[pack];
-            derive_pack(r0, u0, gradient, middle);
-            V check = sum_of_zeros(gradient, 6);
+            derive_pack(r0, u0, energy, gradient, middle);
+            V check = sum_of_zeros(gradient, 6) + energy[0] * 0.0;
             if (any_not_finite(check))
                 for (long l = 0; l < lanes; ++l)
                     if (check[l] != 0.0) return first + l;

@@ -1,10 +1,11 @@
 // backend/kernel_prelude.h stands here
 
-static inline void derive_pack(const V* x0, const V* x1, V* y0) {
+static inline void derive_pack(const V* x0, const V* x1, V* y0, V* y1) {
     const V t3 = x1[0] * x0[0];
     y0[0] = splat(0.0);
-    y0[1] = t3;
-    y0[2] = splat(0.0);
+    y1[0] = splat(0.0);
+    y1[1] = t3;
+    y1[2] = splat(0.0);
 }
 
 static inline void derive_uniforms_one(const double* x0, double* y0) {
@@ -29,9 +30,9 @@ extern "C" long yasps<m.v.gravity.derivative>_derive(Arguments a, long begin, lo
         own_offsets(first, lanes, 1, at);
         gather(p2, at, 1, r1);
         (void)at;
-        V gradient[3];
-        derive_pack(r1, u0, gradient);
-        V check = sum_of_zeros(gradient, 3);
+        V energy[1], gradient[3];
+        derive_pack(r1, u0, energy, gradient);
+        V check = sum_of_zeros(gradient, 3) + energy[0] * 0.0;
         if (any_not_finite(check))
             for (long l = 0; l < lanes; ++l)
                 if (check[l] != 0.0) return first + l;

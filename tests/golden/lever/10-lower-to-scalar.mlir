@@ -37,8 +37,8 @@ builtin.module {
     }
     rel.derivative @m.springs.stretch.derivative of @m.springs.stretch on @m.springs projection "clamp" curved indices @m.springs.stretch.kappa projects "the whole local Hessian, expanded to the targets: an input is nonlinear in them" {
       %0 = rel.join @m.tips.x through @m.springs.ends : tensor<2x2xf64>
-      %1, %2 = rel.apply @m.springs.stretch.derive(%0) : (tensor<2x2xf64>) -> (tensor<4x1xf64>, tensor<10x1xf64>)
-      rel.yield_derivative gradient %1 : tensor<4x1xf64> hessian %2 : tensor<10x1xf64> wrt %0 : tensor<2x2xf64>
+      %1, %2, %3 = rel.apply @m.springs.stretch.derive(%0) : (tensor<2x2xf64>) -> (tensor<1x1xf64>, tensor<4x1xf64>, tensor<10x1xf64>)
+      rel.yield_derivative %1 : tensor<1x1xf64> gradient %2 : tensor<4x1xf64> hessian %3 : tensor<10x1xf64> wrt %0 : tensor<2x2xf64>
     }
     rel.attribute @m.arms.angle.kappa on @m.arms : tensor<1x1xi32> {
       %0 = rel.target_index @m.arms.angle : tensor<1x1xi32>
@@ -91,15 +91,20 @@ builtin.module {
       %11 = arith.negf %10 : f64
       func.return %11 : f64
     }
-    func.func @m.springs.stretch.derive(%0: f64, %1: f64, %2: f64, %3: f64) -> (f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64) {
+    func.func @m.springs.stretch.derive(%0: f64, %1: f64, %2: f64, %3: f64) -> (f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64) {
       %4 = arith.constant 0.000000e+00 : f64
       %5 = arith.constant 1.000000e+00 : f64
       %6 = arith.subf %0, %2 : f64
       %7 = arith.subf %1, %3 : f64
       %8 = arith.constant -1.000000e+00 : f64
-      %9 = arith.negf %6 : f64
-      %10 = arith.negf %7 : f64
-      func.return %6, %7, %9, %10, %5, %4, %8, %4, %5, %4, %8, %5, %4, %5 : f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64
+      %9 = arith.mulf %6, %6 : f64
+      %10 = arith.mulf %7, %7 : f64
+      %11 = arith.addf %9, %10 : f64
+      %12 = arith.constant 5.000000e-01 : f64
+      %13 = arith.mulf %12, %11 : f64
+      %14 = arith.negf %6 : f64
+      %15 = arith.negf %7 : f64
+      func.return %13, %6, %7, %14, %15, %5, %4, %8, %4, %5, %4, %8, %5, %4, %5 : f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64
     }
     func.func @m.springs.stretch.kappa.value(%0: i32, %1: i32) -> (i32, i32) {
       func.return %0, %1 : i32, i32

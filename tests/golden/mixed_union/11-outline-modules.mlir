@@ -127,17 +127,17 @@ builtin.module {
       %0 = rel.data @both.pp.barrier.numbers : tensor<2x1xf64>
       %1 = rel.join @both.v.x through @both.pp.ends : tensor<2x3xf64>
       %2 = rel.apply @both.pp.barrier.derive_uniforms(%0) uniform : (tensor<2x1xf64>) -> tensor<2x1xf64>
-      %3, %4 = rel.apply @both.pp.barrier.derive(%1, %2) : (tensor<2x3xf64>, tensor<2x1xf64>) -> (tensor<6x1xf64>, tensor<6x1xf64>)
-      %5 = rel.project %4 width 3 : i64 mode "clamp" : tensor<6x1xf64> -> tensor<6x1xf64>
-      %6 = rel.apply @both.pp.barrier.pull_back(%5) : (tensor<6x1xf64>) -> tensor<21x1xf64>
-      rel.yield_derivative gradient %3 : tensor<6x1xf64> hessian %6 : tensor<21x1xf64> wrt %1 : tensor<2x3xf64>
+      %3, %4, %5 = rel.apply @both.pp.barrier.derive(%1, %2) : (tensor<2x3xf64>, tensor<2x1xf64>) -> (tensor<1x1xf64>, tensor<6x1xf64>, tensor<6x1xf64>)
+      %6 = rel.project %5 width 3 : i64 mode "clamp" : tensor<6x1xf64> -> tensor<6x1xf64>
+      %7 = rel.apply @both.pp.barrier.pull_back(%6) : (tensor<6x1xf64>) -> tensor<21x1xf64>
+      rel.yield_derivative %3 : tensor<1x1xf64> gradient %4 : tensor<6x1xf64> hessian %7 : tensor<21x1xf64> wrt %1 : tensor<2x3xf64>
     }
     func.func @both.pp.barrier.derive_uniforms(%0: f64, %1: f64) -> (f64, f64) {
       %2 = arith.constant 1.000000e+00 : f64
       %3 = arith.divf %2, %0 : f64
       func.return %1, %3 : f64, f64
     }
-    func.func @both.pp.barrier.derive(%0: f64, %1: f64, %2: f64, %3: f64, %4: f64, %5: f64, %6: f64, %7: f64) -> (f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64) {
+    func.func @both.pp.barrier.derive(%0: f64, %1: f64, %2: f64, %3: f64, %4: f64, %5: f64, %6: f64, %7: f64) -> (f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64) {
       %8 = arith.constant 1.000000e+00 : f64
       %9 = arith.subf %0, %3 : f64
       %10 = arith.subf %1, %4 : f64
@@ -199,10 +199,11 @@ builtin.module {
       %66 = arith.mulf %9, %65 : f64
       %67 = arith.mulf %22, %66 : f64
       %68 = arith.addf %31, %67 : f64
-      %69 = arith.negf %32 : f64
-      %70 = arith.negf %33 : f64
-      %71 = arith.negf %34 : f64
-      func.return %32, %33, %34, %69, %70, %71, %68, %62, %56, %64, %57, %59 : f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64
+      %69 = arith.mulf %18, %21 : f64
+      %70 = arith.negf %32 : f64
+      %71 = arith.negf %33 : f64
+      %72 = arith.negf %34 : f64
+      func.return %69, %32, %33, %34, %70, %71, %72, %68, %62, %56, %64, %57, %59 : f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64
     }
     func.func @both.pp.barrier.pull_back(%0: f64, %1: f64, %2: f64, %3: f64, %4: f64, %5: f64) -> (f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64) {
       %6 = arith.negf %0 : f64

@@ -30,7 +30,7 @@ builtin.module {
     }
     rel.energy @m.springs.stretch projection "clamp"
     rel.target @m.arms.angle
-    rel.jacobian @m.tips.x.jacobian of @m.tips.x on @m.tips indices @m.tips.x.kappa {
+    rel.jacobian @m.tips.x.jacobian of @m.tips.x on @m.tips {
       %0 = rel.join @m.arms.angle through @m.tips.arm : tensor<1x1xf64>
       %1 = mat.sin %0 : (tensor<1x1xf64>) -> tensor<1x1xf64>
       %length = rel.data @m.tips.length : tensor<1x1xf64>
@@ -71,7 +71,7 @@ builtin.module {
       %22 = mat.add %21, %19 : (tensor<1x1xf64>, tensor<1x1xf64>) -> tensor<1x1xf64>
       rel.yield_curvature %22 : tensor<1x1xf64> wrt %1 : tensor<1x1xf64>
     }
-    rel.derivative @m.springs.stretch.derivative of @m.springs.stretch on @m.springs projection "clamp" curved indices @m.springs.stretch.kappa projects "the whole local Hessian, expanded to the targets: an input is nonlinear in them" {
+    rel.derivative @m.springs.stretch.derivative of @m.springs.stretch on @m.springs projection "clamp" curved {
       %0 = rel.join @m.tips.x through @m.springs.ends : tensor<2x2xf64>
       %1 = mat.block %0 {block = array<i64: 0, 0, 1, 2>} : (tensor<2x2xf64>) -> tensor<1x2xf64>
       %2 = mat.block %0 {block = array<i64: 1, 0, 1, 2>} : (tensor<2x2xf64>) -> tensor<1x2xf64>
@@ -102,20 +102,7 @@ builtin.module {
       %27 = mat.embed %25 {place = array<i64: 0, 0, 2, 2>} : (tensor<1x2xf64>) -> tensor<2x2xf64>
       %28 = mat.add %26, %27 : (tensor<2x2xf64>, tensor<2x2xf64>) -> tensor<2x2xf64>
       %29 = mat.reshape %28 {shape = array<i64: 4, 1>} : (tensor<2x2xf64>) -> tensor<4x1xf64>
-      rel.yield_derivative gradient %29 : tensor<4x1xf64> hessian %24 : tensor<4x4xf64> wrt %0 : tensor<2x2xf64>
-    }
-    rel.attribute @m.arms.angle.kappa on @m.arms : tensor<1x1xi32> {
-      %0 = rel.target_index @m.arms.angle : tensor<1x1xi32>
-      rel.yield %0 : tensor<1x1xi32>
-    }
-    rel.attribute @m.tips.x.kappa on @m.tips : tensor<1x1xi32> {
-      %0 = rel.join @m.arms.angle.kappa through @m.tips.arm : tensor<1x1xi32>
-      rel.yield %0 : tensor<1x1xi32>
-    }
-    rel.attribute @m.springs.stretch.kappa on @m.springs : tensor<1x2xi32> {
-      %0 = rel.join @m.tips.x.kappa through @m.springs.ends : tensor<2x1xi32>
-      %1 = mat.reshape %0 {shape = array<i64: 1, 2>} : (tensor<2x1xi32>) -> tensor<1x2xi32>
-      rel.yield %1 : tensor<1x2xi32>
+      rel.yield_derivative %6 : tensor<1x1xf64> gradient %29 : tensor<4x1xf64> hessian %24 : tensor<4x4xf64> wrt %0 : tensor<2x2xf64>
     }
   }
 }

@@ -198,7 +198,7 @@ builtin.module {
       %97 = mat.reshape %96 {shape = array<i64: 6, 1>} : (tensor<2x3xf64>) -> tensor<6x1xf64>
       %98 = mat.project_psd %75 {mode = "clamp"} : (tensor<3x3xf64>) -> tensor<3x3xf64>
       %99 = mat.congruence %98, %91 : (tensor<3x3xf64>, tensor<3x6xf64>) -> tensor<6x6xf64>
-      rel.yield_derivative gradient %97 : tensor<6x1xf64> hessian %99 : tensor<6x6xf64> wrt %1 : tensor<2x3xf64>
+      rel.yield_derivative %13 : tensor<1x1xf64> gradient %97 : tensor<6x1xf64> hessian %99 : tensor<6x6xf64> wrt %1 : tensor<2x3xf64>
     }
   }
 }

@@ -102,7 +102,7 @@ builtin.module {
       %27 = mat.embed %25 {place = array<i64: 0, 0, 2, 2>} : (tensor<1x2xf64>) -> tensor<2x2xf64>
       %28 = mat.add %26, %27 : (tensor<2x2xf64>, tensor<2x2xf64>) -> tensor<2x2xf64>
       %29 = mat.reshape %28 {shape = array<i64: 4, 1>} : (tensor<2x2xf64>) -> tensor<4x1xf64>
-      rel.yield_derivative gradient %29 : tensor<4x1xf64> hessian %24 : tensor<4x4xf64> wrt %0 : tensor<2x2xf64>
+      rel.yield_derivative %6 : tensor<1x1xf64> gradient %29 : tensor<4x1xf64> hessian %24 : tensor<4x4xf64> wrt %0 : tensor<2x2xf64>
     }
   }
 }

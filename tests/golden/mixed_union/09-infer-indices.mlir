@@ -53,7 +53,7 @@ builtin.module {
     rel.target @soft.v.x
     rel.target @stiff.body.A
     rel.target @stiff.body.t
-    rel.jacobian @stiff.v.x.jacobian of @stiff.v.x on @stiff.v {
+    rel.jacobian @stiff.v.x.jacobian of @stiff.v.x on @stiff.v indices @stiff.v.x.kappa {
       %0 = rel.join @stiff.body.t through @stiff.v.owner : tensor<1x3xf64>
       %1 = mat.reshape %0 {shape = array<i64: 3, 1>} : (tensor<1x3xf64>) -> tensor<3x1xf64>
       %rest = rel.data @stiff.v.rest : tensor<3x1xf64>
@@ -97,7 +97,7 @@ builtin.module {
       %39 = mat.concat_cols %18, %19, %20, %22, %24, %26, %28, %30, %32, %34, %36, %38 : (tensor<3x1xf64>, tensor<3x1xf64>, tensor<3x1xf64>, tensor<3x1xf64>, tensor<3x1xf64>, tensor<3x1xf64>, tensor<3x1xf64>, tensor<3x1xf64>, tensor<3x1xf64>, tensor<3x1xf64>, tensor<3x1xf64>, tensor<3x1xf64>) -> tensor<3x12xf64>
       rel.yield_jacobian %39 : tensor<3x12xf64> wrt %0, %2 : tensor<1x3xf64>, tensor<1x9xf64>
     }
-    rel.derivative @both.pp.barrier.derivative of @both.pp.barrier on @both.pp projection "clamp" dynamic {
+    rel.derivative @both.pp.barrier.derivative of @both.pp.barrier on @both.pp projection "clamp" dynamic indices @both.pp.barrier.kappa projects "3x3 of 6x6: the energy reads its inputs through a linear cut" {
       %0 = rel.data @both.pp.barrier.numbers : tensor<2x1xf64>
       %1 = rel.join @both.v.x through @both.pp.ends : tensor<2x3xf64>
       %2 = mat.block %1 {block = array<i64: 0, 0, 1, 3>} : (tensor<2x3xf64>) -> tensor<1x3xf64>
@@ -196,7 +196,40 @@ builtin.module {
       %95 = mat.embed %93 {place = array<i64: 0, 0, 2, 3>} : (tensor<1x3xf64>) -> tensor<2x3xf64>
       %96 = mat.add %94, %95 : (tensor<2x3xf64>, tensor<2x3xf64>) -> tensor<2x3xf64>
       %97 = mat.reshape %96 {shape = array<i64: 6, 1>} : (tensor<2x3xf64>) -> tensor<6x1xf64>
-      rel.yield_derivative gradient %97 : tensor<6x1xf64> hessian %92 : tensor<6x6xf64> wrt %1 : tensor<2x3xf64>
+      %98 = mat.project_psd %75 {mode = "clamp"} : (tensor<3x3xf64>) -> tensor<3x3xf64>
+      %99 = mat.congruence %98, %91 : (tensor<3x3xf64>, tensor<3x6xf64>) -> tensor<6x6xf64>
+      rel.yield_derivative %13 : tensor<1x1xf64> gradient %97 : tensor<6x1xf64> hessian %99 : tensor<6x6xf64> wrt %1 : tensor<2x3xf64>
+    }
+    rel.attribute @soft.v.x.kappa on @soft.v : tensor<1x1xi32> {
+      %0 = rel.target_index @soft.v.x : tensor<1x1xi32>
+      rel.yield %0 : tensor<1x1xi32>
+    }
+    rel.attribute @stiff.body.t.kappa on @stiff.body : tensor<1x1xi32> {
+      %0 = rel.target_index @stiff.body.t : tensor<1x1xi32>
+      rel.yield %0 : tensor<1x1xi32>
+    }
+    rel.attribute @stiff.body.A.kappa on @stiff.body : tensor<1x1xi32> {
+      %0 = rel.target_index @stiff.body.A : tensor<1x1xi32>
+      rel.yield %0 : tensor<1x1xi32>
+    }
+    rel.attribute @stiff.v.x.kappa on @stiff.v : tensor<1x2xi32> {
+      %0 = rel.join @stiff.body.t.kappa through @stiff.v.owner : tensor<1x1xi32>
+      %1 = rel.join @stiff.body.A.kappa through @stiff.v.owner : tensor<1x1xi32>
+      %2 = mat.concat_cols %0, %1 : (tensor<1x1xi32>, tensor<1x1xi32>) -> tensor<1x2xi32>
+      rel.yield %2 : tensor<1x2xi32>
+    }
+    rel.attribute @still.v.x.kappa on @still.v : tensor<1x1xi32> {
+      %0 = mat.constant {value = dense<0> : tensor<1x1xi32>} : () -> tensor<1x1xi32>
+      rel.yield %0 : tensor<1x1xi32>
+    }
+    rel.attribute @both.v.x.kappa on @both.v : tensor<1x2xi32> {
+      %0 = rel.union [@soft.v.x.kappa, @stiff.v.x.kappa, @still.v.x.kappa] : tensor<1x2xi32>
+      rel.yield %0 : tensor<1x2xi32>
+    }
+    rel.attribute @both.pp.barrier.kappa on @both.pp : tensor<1x4xi32> {
+      %0 = rel.join @both.v.x.kappa through @both.pp.ends : tensor<2x2xi32>
+      %1 = mat.reshape %0 {shape = array<i64: 1, 4>} : (tensor<2x2xi32>) -> tensor<1x4xi32>
+      rel.yield %1 : tensor<1x4xi32>
     }
   }
 }
