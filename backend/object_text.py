@@ -273,7 +273,7 @@ class ObjectText(ABC):
 
     def names(self) -> dict[SSAValue, str]:
         """Arrays of what calls take: r0, r1, ... read for the instance, u0, u1, ... the same for all."""
-        read = {op.result: f"r{k}" for k, op in enumerate(self.reads())}
+        read: dict[SSAValue, str] = {op.result: f"r{k}" for k, op in enumerate(self.reads())}
         return read | {call.values[0]: f"u{k}" for k, call in enumerate(self.uniform_calls())}
 
     def define_function(self, call: ApplyOp, scalar: str) -> str:

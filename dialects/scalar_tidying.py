@@ -220,7 +220,9 @@ class _Tidying:
 
     def _make_product(self, node: Node) -> Node:
         sign = -1 if node in self.flipped else 1
-        number, uniform, factors = 1.0, [], []
+        number = 1.0
+        uniform: list[Node] = []
+        factors: list[Node] = []
         for argument in self.old.arguments[node]:
             own, new = self._signed_new(argument)
             sign *= own

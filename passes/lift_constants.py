@@ -156,7 +156,7 @@ def _rebuilt(b: MatBuilder, numbers: SSAValue, place: int, constant: SSAValue) -
 
 def _weights(body: Block, reach: Reach) -> set[Use]:
     """Uses of numbers as weights of sums that the energy is nonlinear in."""
-    inputs = [op.result for op in body.ops if isinstance(op, ReadOp) and reach.is_active(op)]
+    inputs: list[SSAValue] = [op.result for op in body.ops if isinstance(op, ReadOp) and reach.is_active(op)]
     dependence = DependenceMap(body, inputs)
     bent: set[SSAValue] = set()
     """What an operation is nonlinear in, and what is computed from affinely on the way there."""

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from xdsl.ir import Block, SSAValue
 
 from yasps.dialects.mat import MatBuilder, MatOp, shape_of
-from yasps.dialects.mat.base import constant_value
+from yasps.dialects.mat.base import Batch, constant_value
 from yasps.dialects.mat.elementwise import DivideOp, ScaleOp
 from yasps.passes.dependence import Dependence, DependenceMap, size_of
 from yasps.passes.derivatives import jacobian
@@ -83,9 +83,7 @@ class ConstantMap:
     """[rank, entries of all inputs]: rows of the values' Jacobian."""
 
 
-def coefficients(
-    dependence: DependenceMap, inputs: list[SSAValue]
-) -> tuple[list[SSAValue], NDArray[np.float64] | None]:
+def coefficients(dependence: DependenceMap, inputs: list[SSAValue]) -> tuple[list[SSAValue], Batch | None]:
     """What an energy is nonlinear in, and its Jacobian with respect to the inputs, None where that depends on data.
 
     A number that a whole value is multiplied with or divided by is left out: the energy is nonlinear in what it is a
