@@ -242,8 +242,10 @@ builtin.module {
       %2 = mat.scale %1, %mass : (tensor<1x1xf64>, tensor<1x1xf64>) -> tensor<1x1xf64>
       %3 = mat.scale %2, %0 : (tensor<1x1xf64>, tensor<1x1xf64>) -> tensor<1x1xf64>
       %4 = mat.constant {value = dense<1.000000e+00> : tensor<1x1xf64>} : () -> tensor<1x1xf64>
-      %5 = mat.embed %2 {place = array<i64: 1, 0, 3, 1>} : (tensor<1x1xf64>) -> tensor<3x1xf64>
-      rel.yield_derivative %3 : tensor<1x1xf64> gradient %5 : tensor<3x1xf64> wrt %x : tensor<3x1xf64>
+      %5 = mat.constant {value = dense<0.000000e+00> : tensor<3x1xf64>} : () -> tensor<3x1xf64>
+      %6 = mat.constant {value = dense<0.000000e+00> : tensor<1x1xf64>} : () -> tensor<1x1xf64>
+      %7 = mat.embed %2 {place = array<i64: 1, 0, 3, 1>} : (tensor<1x1xf64>) -> tensor<3x1xf64>
+      rel.yield_derivative %6 : tensor<1x1xf64> gradient %7 : tensor<3x1xf64> wrt %x : tensor<3x1xf64>
     }
   }
 }

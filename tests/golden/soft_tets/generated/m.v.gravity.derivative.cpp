@@ -1,11 +1,10 @@
 // backend/kernel_prelude.h stands here
 
-static inline void derive_pack(const V* x0, const V* x1, V* y0, V* y1) {
-    const V t6 = splat(9.8) * x1[0];
-    const V t7 = x0[1] * t6;
-    y0[0] = t7;
+static inline void derive_pack(const V* x0, V* y0, V* y1) {
+    const V t3 = splat(9.8) * x0[0];
+    y0[0] = splat(0.0);
     y1[0] = splat(0.0);
-    y1[1] = t6;
+    y1[1] = t3;
     y1[2] = splat(0.0);
 }
 
@@ -23,7 +22,7 @@ extern "C" long yasps<m.v.gravity.derivative>_derive(Arguments a, long begin, lo
         gather(p1, at, 1, r1);
         (void)at;
         V energy[1], gradient[3];
-        derive_pack(r0, r1, energy, gradient);
+        derive_pack(r1, energy, gradient);
         V check = sum_of_zeros(gradient, 3) + energy[0] * 0.0;
         if (any_not_finite(check))
             for (long l = 0; l < lanes; ++l)
