@@ -203,4 +203,4 @@ def _constant_part(b: BodyBuilder, dependence: DependenceMap, value: SSAValue, i
     for op in list(b.body.ops):
         if isinstance(op, MatOp) and dependence.is_active(op.result):
             values[op.result] = b.copy(op, [values.get(operand, operand) for operand in op.operands])
-    return values[value]
+    return values.get(value, value)

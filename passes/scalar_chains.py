@@ -117,9 +117,10 @@ class ScalarChains:
 
 
 def _takes_apart(front: Collection[SSAValue], value: SSAValue) -> bool:
-    """Is the value a quotient slope / n, and the slope, a function of n itself, held for the derivative by n?
+    """Is the value a quotient slope / n, and the front more than n?
 
-    Where both are 0 the quotient has a derivative, but its slopes with respect to the two of them are infinite.
+    Where slope and n are both 0 the quotient has tangents, but its derivative with respect to anything else that the
+    slope is computed from is infinite.
     """
     op = value.owner
-    return isinstance(op, OverNormOp) and any(u in front for u in op.operands if u is not op.operands[1])
+    return isinstance(op, OverNormOp) and any(u is not op.operands[1] for u in front)

@@ -118,6 +118,7 @@ def test_stumpff_functions_are_exact_to_rounding(order: int) -> None:
 ROOTS: dict[str, tuple[Written, float]] = {
     "n^3": (lambda b, x: power(b, x, 3.0), 0.0),
     "n^2.5": (lambda b, x: power(b, x, 2.5), 0.0),
+    "s (1 - n)": (lambda b, x: b.scale(b.dot(x, x), b.sub(b.number(1.0), norm(b, x))), 2.0),
     "s n": (lambda b, x: b.scale(b.dot(x, x), norm(b, x)), 0.0),
     "a mollified norm": (lambda b, x: b.sub(power(b, x, 2.0), b.scale(b.number(1 / 3), power(b, x, 3.0))), 2.0),
     "1 - cos of 3 n": (lambda b, x: b.sub(b.number(1.0), b.cos(b.scale(b.number(3.0), norm(b, x)))), 9.0),

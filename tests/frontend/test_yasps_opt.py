@@ -48,7 +48,7 @@ def dumps(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def test_every_pass_keeps_the_numbers(name: str, dumps: Path, capsys: pytest.CaptureFixture[str]) -> None:
     data = str(dumps / name / "data.npz")
     stages = sorted((dumps / name).glob("*.mlir"))
-    assert len(stages) == 11
+    assert len(stages) == 12
     first: Numbers = {}
     derived: Numbers = {}
     for path in stages:
