@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 
 from yasps.runtime.cuda_disposal import DISPOSAL
 from yasps.runtime.cuda_driver import CudaDevice, find_device
-from yasps.runtime.cuda_report import ModuleRow
+from yasps.runtime.cuda_report import ModuleRow, largest_stack
 from yasps.runtime.cuda_toolchain import DeviceProgram, build_program, find_cuda
 from yasps.runtime.device import BLOCK, DeviceArray, DeviceError, DeviceMemoryError, Kernel
 from yasps.runtime.toolchain import Source
@@ -277,8 +277,7 @@ class Gpu:
         report = build_program(find_cuda(self.architecture), modules, runtime, [cub_source()])
         assert report.host is not None
         self._cub = ctypes.CDLL(str(report.host.path))
-        stacks = (function.stack_bytes for row in report.rows for function in row.functions if function.is_kernel)
-        self._stack_bytes = max(self._stack_bytes, *stacks, 0)
+        self._stack_bytes = max(self._stack_bytes, largest_stack(report.rows))
         return GpuProgram(self, report)
 
     def launch(self, kernel: Kernel, threads: int, arguments: Sequence[int | float], *, block: int = BLOCK) -> None:

@@ -25,6 +25,7 @@ from yasps.frontend.shapes import box
 from yasps.passes.pipeline import run_pipeline
 from yasps.runtime.cuda_device import cub_source
 from yasps.runtime.cuda_report import ModuleRow
+from yasps.runtime.cuda_residency import TYPICAL
 from yasps.runtime.cuda_sources import runtime_sources
 from yasps.runtime.cuda_toolchain import build_program, find_cuda
 from yasps.runtime.toolchain import Source
@@ -127,9 +128,28 @@ def check_report(report: DeviceCompileReport) -> None:
     assert others == [*(source.name for source in runtime_sources()), "cub", "link"]
     (derivative,) = (row for row in generated if row.name == "everything.pairs.barrier.derivative")
     assert derivative.stack_bytes > 1000  # with the work of the projection, which is called in another module
+    check_stack_memory(report)
     table = str(report)
     assert table.startswith(f"{report.architecture}: compiled, not run")
     assert all(row.name in table and str(row.stack_bytes) in table for row in report.rows)
+
+
+def check_stack_memory(report: DeviceCompileReport) -> None:
+    """What the driver keeps for stacks is that of the greediest kernel, for as many threads as could run."""
+    stack = max(item.stack_bytes for row in report.rows for item in row.functions if item.is_kernel)
+    assert report.stack_bytes == stack > 1000
+    name, residency = TYPICAL[report.architecture]
+    assert report.stack_memory(residency) == residency.multiprocessors * residency.threads_each * stack
+    megabytes = f"{residency.threads * stack / 1e6:.0f} MB: {stack:,} bytes for each of {residency.threads:,} threads"
+    assert f"On a GPU like {name}, stacks of kernels take {megabytes}" in str(report)
+
+
+def test_stacks_of_an_h100() -> None:
+    name, residency = TYPICAL["sm_90"]
+    assert name == "H100"
+    assert residency.describe_stacks(2640) == (
+        "stacks of kernels take 714 MB: 2,640 bytes for each of 270,336 threads that can run at once"
+    )
 
 
 @needs_cuda
