@@ -8,7 +8,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from yasps.backend.cuda_expand import DENSE_PRELUDE, curve_behind, expand, expand_merged, row_starts
-from yasps.backend.cuda_object import THIS_THREAD, ranges_of
+from yasps.backend.cuda_object import BLOCKS_AT_ONCE, THIS_THREAD, ranges_of
 from yasps.backend.object_text import indented, packed_place
 from yasps.dialects.mat import shape_of
 from yasps.dialects.rel import ApplyOp, DerivativeOp, ProjectOp, YieldDerivativeOp
@@ -19,6 +19,9 @@ if TYPE_CHECKING:
 
 LARGEST_STACK = 2560
 """Bytes of a thread's stack that a Hessian and its projection may take; larger ones go to global memory."""
+
+LARGEST_SMALL_WIDTH = 6
+"""Of a local Hessian whose kernel needs few registers."""
 
 _FIELDS = [
     ("double*", "gradient"),
@@ -33,6 +36,12 @@ _FIELDS = [
 ]
 PARAMETERS = ", ".join(f"{type_} {name}" for type_, name in _FIELDS)
 """Of the entry `derive`, after the number of instances; yasps_sink in the prelude says what they are."""
+
+
+def blocks_at_once(text: CudaObjectText, derivative: DerivativeOp) -> int:
+    """Of the entry `derive` on a multiprocessor: as many as cost next to no spills (docs/gpu.md)."""
+    width = sum(slot.size for read in text.scene.wrt(derivative) for slot in text.scene.slots(read))
+    return BLOCKS_AT_ONCE if width <= LARGEST_SMALL_WIDTH else BLOCKS_AT_ONCE - 1
 
 
 def derivative_body(text: CudaObjectText, derivative: DerivativeOp) -> list[str]:

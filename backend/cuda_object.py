@@ -28,6 +28,9 @@ from yasps.dialects.rel import (
 PRELUDE = files("yasps.backend").joinpath("cuda_prelude.cuh").read_text(encoding="utf-8")
 THREADS = 128
 """Threads of a block of a generated kernel."""
+BLOCKS_AT_ONCE = 4
+"""Of a kernel on a multiprocessor, at least. The functions that kernels of other files call keep to the registers that
+this leaves (_FUNCTION_FLAGS of the toolchain)."""
 THIS_THREAD = "blockIdx.x * (long)blockDim.x + threadIdx.x"
 
 
@@ -89,10 +92,11 @@ class CudaObjectText(ObjectText):
         """None: the device has all functions."""
         return []
 
-    def kernel(self, name: str, parameters: str, body: Sequence[str]) -> None:
-        """Adds an entry that the host launches."""
+    def kernel(self, name: str, parameters: str, body: Sequence[str], blocks: int = BLOCKS_AT_ONCE) -> None:
+        """Adds an entry that the host launches. blocks: how many of them a multiprocessor has registers for."""
         signature = f"{SELF}_{name}(Arguments a, long count, {parameters})"
-        self.entry(name, signature, body, f'extern "C" __global__ void __launch_bounds__({THREADS})')
+        bounds = f"__launch_bounds__({THREADS}, {blocks})"
+        self.entry(name, signature, body, f'extern "C" __global__ void {bounds}')
 
     def attribute(self, attribute: AttributeOp) -> None:
         scalar, size = c_type(attribute.matrix_type), self.scene.size(attribute.symbol)
@@ -216,9 +220,9 @@ class CudaObjectText(ObjectText):
         self.entry("curve", CURVE_SIGNATURE, curve_body(self, ranges_of(slots), second, transposed))
 
     def derivative(self, derivative: DerivativeOp) -> None:
-        from yasps.backend.cuda_derivative import PARAMETERS, derivative_body
+        from yasps.backend.cuda_derivative import PARAMETERS, blocks_at_once, derivative_body
 
-        self.kernel("derive", PARAMETERS, derivative_body(self, derivative))
+        self.kernel("derive", PARAMETERS, derivative_body(self, derivative), blocks_at_once(self, derivative))
 
 
 CURVE_SIGNATURE = f"void {SELF}_curve(Arguments a, long i, const double* v, double* packed, long width, const int* to)"

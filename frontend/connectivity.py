@@ -131,7 +131,7 @@ class Connectivity(ConnectivityNames, InScene):
                 "array, or make the scene with device='cuda'"
             )
         try:
-            array = device_indices(value, self.source.scene.device.stream_address)
+            array = device_indices(value, self.source.scene.device)
         except ForeignArrayError as error:
             raise ConnectivityError(f"{self.path}: {error}") from error
         if len(array.shape) not in (1, 2) or (len(array.shape) == 2 and array.shape[1] != self.arity):

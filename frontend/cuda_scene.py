@@ -111,8 +111,6 @@ class CudaScene(CompiledScene):
         kernel = self.program.loaded.kernel("yasps_check_indices")
         for k, (connectivity, indices) in enumerate(foreign):
             assert isinstance(indices, DeviceIndices)
-            if indices.stream is not None:
-                self.device.wait_for(indices.stream)
             most = connectivity.target.num_instances
             self.device.launch(
                 kernel, indices.size, [indices.address, indices.size, most, self._outcomes.address + 8 * k]

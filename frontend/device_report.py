@@ -9,7 +9,8 @@ from yasps.backend.cuda_object import CudaEmitter
 from yasps.backend.cuda_program import modules_of
 from yasps.frontend.scene_source import CompileRequest, SceneSource
 from yasps.runtime.cuda_device import cub_source
-from yasps.runtime.cuda_report import ModuleRow
+from yasps.runtime.cuda_report import ModuleRow, largest_stack
+from yasps.runtime.cuda_residency import TYPICAL, Residency
 from yasps.runtime.cuda_sources import runtime_sources
 from yasps.runtime.cuda_toolchain import build_program, find_cuda
 
@@ -35,6 +36,15 @@ class DeviceCompileReport:
         """Files and links that were made, not found in the cache."""
         return sum(not row.cached for row in self.rows)
 
+    @property
+    def stack_bytes(self) -> int:
+        """The largest stack of a kernel, with all that it calls, in bytes a thread."""
+        return largest_stack(self.rows)
+
+    def stack_memory(self, residency: Residency) -> int:
+        """Bytes of its memory that such a GPU keeps for stacks, whatever the scene's size."""
+        return residency.stack_memory(self.stack_bytes)
+
     def __str__(self) -> str:
         width = max(len(row.name) for row in self.rows)
         head = f"{'module':{width}}  seconds          registers  stack B  spill B  lines"
@@ -43,6 +53,9 @@ class DeviceCompileReport:
             f"{row.stack_bytes:7}  {row.spill_bytes:7}  {row.lines:5}"
             for row in self.rows
         ]
+        if self.architecture in TYPICAL:
+            name, residency = TYPICAL[self.architecture]
+            lines.append(f"On a GPU like {name}, {residency.describe_stacks(self.stack_bytes)}.")
         return "\n".join([f"{self.architecture}: compiled, not run", head, *lines])
 
 

@@ -7,6 +7,7 @@ from types import ModuleType
 from typing import Any
 
 from yasps.runtime.cuda_nvcc import INSTALL_ADVICE, CudaNotFoundError
+from yasps.runtime.cuda_residency import Residency
 
 OLDEST_DRIVER = (13, 0)
 """The CUDA release that a driver must know, to load what the toolkit of `yasps[cuda]` compiles: drivers from 580 on."""
@@ -26,6 +27,7 @@ class CudaDevice:
     name: str
     arch: str
     driver: tuple[int, int]
+    residency: Residency
 
 
 def find_device(ordinal: int = 0) -> CudaDevice:
@@ -67,9 +69,17 @@ def device_of(driver: ModuleType, ordinal: int) -> CudaDevice:
     device = _ask(driver, "cuDeviceGet", ordinal)
     name = _ask(driver, "cuDeviceGetName", 256, device)
     attribute = driver.CUdevice_attribute
-    major = _ask(driver, "cuDeviceGetAttribute", attribute.CU_DEVICE_ATTRIBUTE_COMPUTE_CAPABILITY_MAJOR, device)
-    minor = _ask(driver, "cuDeviceGetAttribute", attribute.CU_DEVICE_ATTRIBUTE_COMPUTE_CAPABILITY_MINOR, device)
-    return CudaDevice(ordinal, name.partition(b"\0")[0].decode(errors="replace"), f"sm_{major}{minor}", release)
+    major, minor, multiprocessors, threads = (
+        _ask(driver, "cuDeviceGetAttribute", getattr(attribute, f"CU_DEVICE_ATTRIBUTE_{what}"), device)
+        for what in (
+            "COMPUTE_CAPABILITY_MAJOR",
+            "COMPUTE_CAPABILITY_MINOR",
+            "MULTIPROCESSOR_COUNT",
+            "MAX_THREADS_PER_MULTIPROCESSOR",
+        )
+    )
+    clear_name = name.partition(b"\0")[0].decode(errors="replace")
+    return CudaDevice(ordinal, clear_name, f"sm_{major}{minor}", release, Residency(multiprocessors, threads))
 
 
 def _ask(driver: ModuleType, function: str, *arguments: object) -> Any:

@@ -7,7 +7,7 @@ knows everything: spills are ptxas's, the stack and the registers of a whole ker
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 
 _ENTRY = re.compile(r"Compiling entry function '([^']+)'")
@@ -56,6 +56,11 @@ class ModuleRow:
     spill_bytes: int
     lines: int
     functions: tuple[FunctionResources, ...]
+
+
+def largest_stack(rows: Iterable[ModuleRow]) -> int:
+    """Bytes a thread, of all kernels."""
+    return max((item.stack_bytes for row in rows for item in row.functions if item.is_kernel), default=0)
 
 
 def functions_of_module(log: str) -> dict[str, FunctionResources]:

@@ -9,7 +9,7 @@ import numpy as np
 from yasps.runtime.cuda_block_matrix import CudaBlockMatrix
 from yasps.runtime.cuda_build import BuildScratch
 from yasps.runtime.cuda_product import THREADS, GatheredProduct, Launch, Product, ScatteredProduct
-from yasps.runtime.device import Device, DeviceArray, Graph, LoadedProgram
+from yasps.runtime.device import Device, DeviceArray, Graph, LoadedProgram, blocks_for_sum
 from yasps.runtime.library import IntArray, LongArray
 from yasps.runtime.solver import SolveReport, StopReason
 
@@ -21,8 +21,6 @@ _STATE = np.dtype(
 _SETTINGS = np.dtype([("tolerance", np.float64), ("max_iterations", np.int64), ("history", np.int64)])
 _REASON = 40  # offset of State.reason
 _RUNNING = -1
-# Blocks of a kernel over all unknowns; each leaves one number of every sum, which every block of the next adds up.
-_MOST_BLOCKS = 2048
 
 
 class CudaSolver:
@@ -127,6 +125,10 @@ class CudaSolver:
         y.resize(size).clear()
         self._do(self._product.launches(x.address, y.address, 0))
 
+    def _blocks(self, size: int) -> int:
+        """Of a kernel over all unknowns."""
+        return blocks_for_sum(self._device, size)
+
     def _prepare(self, parts: Sequence[CudaBlockMatrix]) -> None:
         """Memory and tables."""
         size = parts[0].size
@@ -135,7 +137,7 @@ class CudaSolver:
         for vector in (self._x, self._direction, self._preconditioned, self._q):
             vector.resize(size)
         self._residuals.resize(2, size)
-        self._partial.resize(4 * _blocks(size))
+        self._partial.resize(4 * self._blocks(size))
         self._states.resize(2)
         self._worst.resize(1)
         self._diagonals.upload(np.array([(part.values.address, part.diagonal.address) for part in parts], np.int64))
@@ -158,7 +160,7 @@ class CudaSolver:
     def _start(self, parts: Sequence[CudaBlockMatrix], g: DeviceArray, x0: DeviceArray | None) -> None:
         """Everything before the first iteration."""
         part = parts[0]
-        size, threads = part.size, THREADS * _blocks(part.size)
+        size, threads = part.size, THREADS * self._blocks(part.size)
         x, q, partial, worst = self._x.address, self._q.address, self._partial.address, self._worst.address
         runs, inverse = (self._runs.address, self._runs.shape[0]), self._inverse.address
         start = x0.address if x0 is not None else 0
@@ -174,7 +176,7 @@ class CudaSolver:
         settings = (self._settings.address, self._states.address)
         launches += [
             Launch("yasps_pcg_start", threads, (g.address, q, *runs, inverse, size, *vectors, partial)),
-            Launch("yasps_pcg_begin", THREADS, (partial, _blocks(size), worst, *settings)),
+            Launch("yasps_pcg_begin", THREADS, (partial, self._blocks(size), worst, *settings)),
         ]
         self._do(launches)
         if x0 is not None:
@@ -204,13 +206,13 @@ class CudaSolver:
 
     def _iteration(self, size: int, odd: int) -> list[Launch]:
         """The launches of one iteration. Odd ones swap the two states and the two residuals."""
-        threads = THREADS * _blocks(size)
+        threads = THREADS * self._blocks(size)
         states = [self._states.address, self._states.address + _STATE.itemsize]
         residuals = [self._residuals.address, self._residuals.address + 8 * size]
         now, after, r, next_r = states[odd], states[1 - odd], residuals[odd], residuals[1 - odd]
         p, q, z = self._direction.address, self._q.address, self._preconditioned.address
         curvatures = self._partial.address
-        squares = curvatures + 8 * _blocks(size)
+        squares = curvatures + 8 * self._blocks(size)
         preconditioner = (self._runs.address, self._runs.shape[0], self._inverse.address)
         update = (now, after, self._settings.address, squares, z, size, self._x.address, p, q)
         return [
@@ -243,11 +245,6 @@ def least_bytes_per_iteration(parts: Sequence[CudaBlockMatrix]) -> int:
     blocks = sum(group.count * (8 * group.r * group.c + 8) for part in parts for group in part.groups)
     sizes = np.diff(parts[0].boundaries)
     return int(blocks + 120 * sizes.sum() + (8 * sizes * parts[0].block_sizes).sum())
-
-
-def _blocks(size: int) -> int:
-    """Blocks of threads of a kernel over all unknowns."""
-    return min(-(-size // THREADS), _MOST_BLOCKS)
 
 
 def _check_vector(vector: DeviceArray, size: int, name: str) -> None:

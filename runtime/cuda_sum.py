@@ -5,10 +5,9 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from yasps.runtime.device import Device, DeviceArray, LoadedProgram
+from yasps.runtime.device import Device, DeviceArray, LoadedProgram, blocks_for_sum
 
 _THREADS = 128  # as kThreads in solver.cuh
-_MOST_BLOCKS = 2048
 
 
 class DeviceSum:
@@ -17,7 +16,7 @@ class DeviceSum:
     def __init__(self, device: Device, program: LoadedProgram) -> None:
         """`program` holds the kernels of sum.cu."""
         self._device, self._program = device, program
-        self._partial = DeviceArray(device, np.float64, "partial sums").resize(_MOST_BLOCKS)
+        self._partial = DeviceArray(device, np.float64, "partial sums")
         self._results = DeviceArray(device, np.float64, "sums")
         self._count = 0
 
@@ -28,12 +27,12 @@ class DeviceSum:
 
     def add(self, values: DeviceArray) -> None:
         """Sums this array, float64; it may change afterwards."""
-        blocks = min(-(-values.size // _THREADS), _MOST_BLOCKS)
+        blocks = blocks_for_sum(self._device, values.size)
         result = self._results.address + 8 * self._count
         self._count += 1
         if blocks == 0:
             return
-        partial = self._partial.address
+        partial = self._partial.resize(blocks).address
         parts, finish = self._program.kernel("yasps_sum_parts"), self._program.kernel("yasps_sum_finish")
         self._device.launch(parts, blocks * _THREADS, [values.address, values.size, partial], block=_THREADS)
         self._device.launch(finish, _THREADS, [partial, blocks, result], block=_THREADS)

@@ -48,9 +48,10 @@ DEFAULT_FLAGS = ("--std=c++17", "--fmad=true")
 
 _RELOCATABLE = "--relocatable-device-code=true"
 _HOST_FLAGS = ("-O2", "-Xcompiler", "-fPIC")
-# A kernel has as many registers as the greediest function it calls. The projections would take 254, which leaves room
-# for 256 threads on a multiprocessor; with 128 there are twice as many, for some spills (docs/gpu.md).
-_RUNTIME_FLAGS = ("--maxrregcount=128",)
+# Kernels have launch bounds, which this flag does not touch. Functions that kernels of other files call have none, and
+# the linker refuses a call of one that has more registers than its caller's bounds leave: so they keep to what 4 blocks
+# of 128 threads leave of 65,536 (docs/gpu.md). The projections would take 150 and 254.
+_FUNCTION_FLAGS = ("--maxrregcount=128",)
 
 
 @dataclass(frozen=True)
@@ -168,8 +169,9 @@ def build_program(
     CompilationError and CacheFolderError.
     """
     folder = cache_folder()
-    tasks = [partial(_compile_with_nvrtc, source, toolchain, folder) for source in modules]
-    tasks += [partial(_compile_runtime, source, toolchain, folder) for source in runtime]
+    linked = toolchain.with_flags(*_FUNCTION_FLAGS)
+    tasks = [partial(_compile_with_nvrtc, source, linked, folder) for source in modules]
+    tasks += [partial(_compile_runtime, source, linked, folder) for source in runtime]
     tasks += [partial(_compile_for_host, source, toolchain, folder) for source in host]
     costs = [(0, len(source.text)) for source in modules] + [(1, 0)] * len(runtime) + [(2, 0)] * len(host)
     order = sorted(range(len(tasks)), key=lambda index: costs[index], reverse=True)
@@ -232,7 +234,7 @@ def _compile_with_nvrtc(source: Source, toolchain: CudaToolchain, folder: Path) 
 def _compile_runtime(source: Source, toolchain: CudaToolchain, folder: Path) -> DeviceObject:
     """By nvcc where the text includes headers of the toolkit, else by NVRTC, in 0.6 of the time."""
     compile_one = _compile_with_nvcc if "#include <" in source.text else _compile_with_nvrtc
-    return compile_one(source, toolchain.with_flags(*_RUNTIME_FLAGS), folder)
+    return compile_one(source, toolchain, folder)
 
 
 def _compile_with_nvcc(source: Source, toolchain: CudaToolchain, folder: Path) -> DeviceObject:

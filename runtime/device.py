@@ -19,6 +19,9 @@ from yasps.runtime.toolchain import Source
 
 BLOCK = 128
 """Threads of a block where a kernel does not ask for another number."""
+BLOCKS_AT_ONCE = 8
+"""Of a kernel with a sum over all its threads on a multiprocessor: as many as the launch bounds of pcg.cu leave room
+for, and enough to keep the memory busy."""
 
 
 class Memory(Protocol):
@@ -61,7 +64,7 @@ class Graph(Protocol):
 class Device(Protocol):
     """A device and one stream of work on it: whatever is asked for happens in the order it was asked for.
 
-    Addresses are plain integers. Only `download` and `synchronize` wait.
+    Addresses are plain integers. Only `download`, `synchronize` and `wait_for_all` wait.
     """
 
     @property
@@ -73,11 +76,18 @@ class Device(Protocol):
         """As compilers spell it, `sm_90`."""
 
     @property
+    def multiprocessors(self) -> int:
+        """Parts that run blocks of threads beside each other."""
+
+    @property
     def stream_address(self) -> int:
-        """The stream, for other libraries."""
+        """The stream, for other libraries; 0 where there is none."""
 
     def allocate(self, size: int, purpose: str) -> Memory:
         """`size` bytes. Raises DeviceMemoryError that says how many were asked for, and for what."""
+
+    def holds(self, address: int) -> bool:
+        """Is this an address in memory of this device, whoever allocated it?"""
 
     def upload(self, array: NDArray[Any], address: int) -> None:
         """Copies a C-contiguous array to the device; the array may be changed as soon as this returns."""
@@ -115,6 +125,9 @@ class Device(Protocol):
     def wait_for(self, stream: int) -> None:
         """Lets what is asked for from now on wait for the work now on another stream (1: the default one)."""
 
+    def wait_for_all(self) -> None:
+        """Waits until all work on the device is done that this process asked for, on whatever stream."""
+
     def synchronize(self) -> None:
         """Waits until all is done. Raises DeviceError if something failed."""
 
@@ -125,6 +138,15 @@ class DeviceError(RuntimeError):
 
 class DeviceMemoryError(MemoryError):
     """No room on the device."""
+
+
+def blocks_for_sum(device: Device, items: int) -> int:
+    """How many blocks of BLOCK threads go through so many items and leave one number of a sum each.
+
+    No more than run at once: threads go on to further items in a loop. Every block of the next kernel reads all those
+    numbers, so that b blocks cost b^2 reads: 9 MB from the L2 cache of an H100 with its 1,056 blocks.
+    """
+    return min(-(-items // BLOCK), BLOCKS_AT_ONCE * device.multiprocessors)
 
 
 class DeviceArray:
@@ -198,10 +220,12 @@ class DeviceArray:
 
     @property
     def __cuda_array_interface__(self) -> dict[str, Any]:
+        """Version 3: who reads the array waits for the stream that fills it."""
         return {
             "shape": self.shape,
             "typestr": self.dtype.str,
             "data": (self.address, False),
             "strides": None,
+            "stream": self.device.stream_address or None,
             "version": 3,
         }

@@ -13,8 +13,9 @@ struct yasps_entry {
 
 // Which dof block each stored block of a list belongs to, and which its transpose: keys[2 b] and keys[2 b + 1] become
 // scalar offsets, `none` for the transpose of a diagonal block, and ids their own place.
-extern "C" __global__ void yasps_gather_keys(const yasps_block_list* lists, long list_count, long total, long none,
-                                             unsigned long* keys, unsigned* ids) {
+extern "C" __global__ void __launch_bounds__(kThreads)
+    yasps_gather_keys(const yasps_block_list* lists, long list_count, long total, long none, unsigned long* keys,
+                      unsigned* ids) {
     const long i = thread_of_grid();
     if (i >= total) return;
     long l = list_count - 1;
@@ -29,9 +30,10 @@ extern "C" __global__ void yasps_gather_keys(const yasps_block_list* lists, long
 
 // From sorted keys and ids: the entries, and where those of the dof block at each scalar offset begin and end. `bounds`
 // [2, size] is zero before.
-extern "C" __global__ void yasps_gather_entries(const yasps_block_list* lists, long list_count, long total, long none,
-                                                const unsigned long* keys, const unsigned* ids,
-                                                const int* block_size_at, yasps_entry* entries, long* bounds) {
+extern "C" __global__ void __launch_bounds__(kThreads)
+    yasps_gather_entries(const yasps_block_list* lists, long list_count, long total, long none,
+                         const unsigned long* keys, const unsigned* ids, const int* block_size_at, yasps_entry* entries,
+                         long* bounds) {
     const long i = thread_of_grid();
     if (i >= 2 * total) return;
     const long key = (long)keys[i];

@@ -63,8 +63,9 @@ __device__ inline double block_sum(double value) {
     return total;
 }
 
-// The sum of what the blocks of an earlier kernel left, known to each thread. Every block adds them up for itself: at
-// most 16 reads a thread that hit the L2 cache, cheaper than one more kernel.
+// The sum of what the blocks of an earlier kernel left, known to each thread. Every block adds them up for itself, in
+// reads that hit the L2 cache: with as many blocks as run at once (8 a multiprocessor) 8 reads a thread on an H100,
+// cheaper than one more kernel.
 __device__ inline double sum_of(const double* partial, long count) {
     double sum = 0;
     for (long i = threadIdx.x; i < count; i += kThreads) sum += partial[i];

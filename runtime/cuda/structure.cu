@@ -58,8 +58,9 @@ __device__ __forceinline__ bool starts(const unsigned long long* keys, long e) {
 
 }  // namespace
 
-extern "C" __global__ void yasps_structure_layout(long size, const long* targets, long* names, int* block_size_at,
-                                                  int* block_start, int* block_size) {
+extern "C" __global__ void __launch_bounds__(128)
+    yasps_structure_layout(long size, const long* targets, long* names, int* block_size_at, int* block_start,
+                           int* block_size) {
     // targets: end, scalars per instance, class of that size, first dof block.
     const long i = thread();
     if (i >= size) return;
@@ -76,10 +77,10 @@ extern "C" __global__ void yasps_structure_layout(long size, const long* targets
 
 // The key of every entry: first those of the energies, then a diagonal block for each dof block where these are wanted.
 // Entries without contribution get the shape after the last, so that they come last. bits: of a dof block's number.
-extern "C" __global__ void yasps_structure_keys(long entries, long pairs, const void* table, long energies,
-                                                const long* names, long size, const int* block_start, long bits,
-                                                long classes, unsigned long long* keys, unsigned int* sources,
-                                                unsigned long long* bad) {
+extern "C" __global__ void __launch_bounds__(128)
+    yasps_structure_keys(long entries, long pairs, const void* table, long energies, const long* names, long size,
+                         const int* block_start, long bits, long classes, unsigned long long* keys,
+                         unsigned int* sources, unsigned long long* bad) {
     const long s = thread();
     if (s >= entries) return;
     sources[s] = (unsigned int)s;
@@ -115,8 +116,8 @@ extern "C" __global__ void yasps_structure_keys(long entries, long pairs, const 
 }
 
 // 1 where a global block begins among the sorted keys, else 0.
-extern "C" __global__ void yasps_structure_heads(long entries, const unsigned long long* keys, long bits, long shapes,
-                                                 long* heads) {
+extern "C" __global__ void __launch_bounds__(128)
+    yasps_structure_heads(long entries, const unsigned long long* keys, long bits, long shapes, long* heads) {
     const long e = thread();
     if (e >= entries) return;
     const bool used = (keys[e] & kKeyMask) >> 2 * bits < (unsigned long long)shapes;
@@ -124,9 +125,9 @@ extern "C" __global__ void yasps_structure_heads(long entries, const unsigned lo
 }
 
 // For every shape, and the end: the first of its entries, and how many blocks there are before it.
-extern "C" __global__ void yasps_structure_groups(long entries, const unsigned long long* keys,
-                                                  const long* heads_before, long bits, long shapes, const long* bad,
-                                                  long* answer) {
+extern "C" __global__ void __launch_bounds__(128)
+    yasps_structure_groups(long entries, const unsigned long long* keys, const long* heads_before, long bits,
+                           long shapes, const long* bad, long* answer) {
     const long shape = thread();
     if (shape > shapes) return;
     if (shape == 0) answer[0] = *bad;
@@ -147,11 +148,11 @@ extern "C" __global__ void yasps_structure_groups(long entries, const unsigned l
 // shapes_at: for every shape (values of a block, offset of block 0 in `values`, offset of entry 0 among contributions),
 // as if all entries had this shape. Then the address of every energy's PositionInData.
 // first_entry: null, or where each block's entries begin; positions then lead to a place for each contribution.
-extern "C" __global__ void yasps_structure_place(long entries, long pairs, const unsigned long long* keys,
-                                                 const unsigned int* sources, const long* heads_before,
-                                                 const void* table, long energies, const long* shapes_at, long bits,
-                                                 long shapes, long used, long blocks, const int* block_start, int* rows,
-                                                 int* cols, long* diagonal, unsigned int* first_entry) {
+extern "C" __global__ void __launch_bounds__(128)
+    yasps_structure_place(long entries, long pairs, const unsigned long long* keys, const unsigned int* sources,
+                          const long* heads_before, const void* table, long energies, const long* shapes_at, long bits,
+                          long shapes, long used, long blocks, const int* block_start, int* rows, int* cols,
+                          long* diagonal, unsigned int* first_entry) {
     const long e = thread();
     if (e >= entries) return;
     if (e == 0 && first_entry) first_entry[blocks] = (unsigned int)used;
@@ -178,7 +179,7 @@ extern "C" __global__ void yasps_structure_place(long entries, long pairs, const
     ((long*)shapes_at[3 * shapes + energy])[source - all.table[energy].first_source] = position;
 }
 
-extern "C" __global__ void yasps_structure_fill(long count, long value, long* out) {
+extern "C" __global__ void __launch_bounds__(128) yasps_structure_fill(long count, long value, long* out) {
     const long i = thread();
     if (i < count) out[i] = value;
 }
@@ -186,8 +187,9 @@ extern "C" __global__ void yasps_structure_fill(long count, long value, long* ou
 // Adds the contributions to the blocks of one shape, one after another. Floor: each contribution is read once; the
 // threads of a block read neighbours. A block with very many contributions is the work of few threads.
 // contributions: where entry 0 would be if all had this shape.
-extern "C" __global__ void yasps_structure_sum(long count, long block_values, const unsigned int* first_entry,
-                                               const double* contributions, double* values) {
+extern "C" __global__ void __launch_bounds__(128)
+    yasps_structure_sum(long count, long block_values, const unsigned int* first_entry, const double* contributions,
+                        double* values) {
     const long v = thread();
     if (v >= count) return;
     const long block = v / block_values, k = v % block_values;
@@ -199,9 +201,9 @@ extern "C" __global__ void yasps_structure_sum(long count, long block_values, co
 }
 
 // The key of a slot is the scalar offset of its dof block, `size` without contribution.
-extern "C" __global__ void yasps_gradient_keys(long slots, const void* table, long energies, const int* block_size_at,
-                                               long size, unsigned long long* keys, unsigned int* sources,
-                                               unsigned long long* bad) {
+extern "C" __global__ void __launch_bounds__(128)
+    yasps_gradient_keys(long slots, const void* table, long energies, const int* block_size_at, long size,
+                        unsigned long long* keys, unsigned int* sources, unsigned long long* bad) {
     const long s = thread();
     if (s >= slots) return;
     const Energies all = {(const Energy*)table, energies};
@@ -214,16 +216,18 @@ extern "C" __global__ void yasps_gradient_keys(long slots, const void* table, lo
 }
 
 // How many scalars every sorted slot contributes to.
-extern "C" __global__ void yasps_gradient_lengths(long slots, const unsigned long long* keys, const int* block_size_at,
-                                                  long size, long* lengths) {
+extern "C" __global__ void __launch_bounds__(128)
+    yasps_gradient_lengths(long slots, const unsigned long long* keys, const int* block_size_at, long size,
+                           long* lengths) {
     const long e = thread();
     if (e >= slots) return;
     const long offset = (long)keys[e];
     lengths[e] = offset < size ? block_size_at[offset] : 0;
 }
 
-extern "C" __global__ void yasps_gradient_total(long slots, const unsigned long long* keys, const int* block_size_at,
-                                                long size, const long* lengths_before, const long* bad, long* answer) {
+extern "C" __global__ void __launch_bounds__(128)
+    yasps_gradient_total(long slots, const unsigned long long* keys, const int* block_size_at, long size,
+                         const long* lengths_before, const long* bad, long* answer) {
     if (thread() != 0) return;
     const long offset = (long)keys[slots - 1];
     answer[0] = *bad;
@@ -232,10 +236,10 @@ extern "C" __global__ void yasps_gradient_total(long slots, const unsigned long 
 
 // ranges: at the offset of each dof block, where its contributions begin and end; zero before.
 // positions_at: the address of every energy's positions.
-extern "C" __global__ void yasps_gradient_place(long slots, const unsigned long long* keys, const unsigned int* sources,
-                                                const long* lengths_before, const void* table, long energies,
-                                                const long* positions_at, const int* block_size_at, long size,
-                                                long* ranges) {
+extern "C" __global__ void __launch_bounds__(128)
+    yasps_gradient_place(long slots, const unsigned long long* keys, const unsigned int* sources,
+                         const long* lengths_before, const void* table, long energies, const long* positions_at,
+                         const int* block_size_at, long size, long* ranges) {
     const long e = thread();
     if (e >= slots) return;
     const long offset = (long)keys[e], source = sources[e];
@@ -251,8 +255,9 @@ extern "C" __global__ void yasps_gradient_place(long slots, const unsigned long 
 }
 
 // Adds the contributions to every scalar, one after another.
-extern "C" __global__ void yasps_gradient_sum(long size, const int* block_size_at, const long* ranges,
-                                              const double* contributions, double* values) {
+extern "C" __global__ void __launch_bounds__(128)
+    yasps_gradient_sum(long size, const int* block_size_at, const long* ranges, const double* contributions,
+                       double* values) {
     const long i = thread();
     if (i >= size) return;
     long start = i;

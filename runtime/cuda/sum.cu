@@ -2,7 +2,7 @@
 // Floor: one read of the array.
 #include "solver.cuh"
 
-// At most 2048 blocks of kThreads.
+// As many blocks of kThreads as run at once, or fewer.
 extern "C" __global__ void __launch_bounds__(kThreads, 10)
     yasps_sum_parts(const double* values, long count, double* partial) {
     double sum = 0;

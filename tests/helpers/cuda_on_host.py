@@ -84,6 +84,7 @@ class HostDevice:
     name = "the host, as a device"
     architecture = "sm_90"
     stream_address = 0
+    multiprocessors = 4
 
     def __init__(self, most_bytes: int = MOST_BYTES, *, backwards: bool = False, flags: Sequence[str] = FLAGS) -> None:
         """backwards: the last thread runs first, so that sums whose order is left to the device come out otherwise.
@@ -100,6 +101,10 @@ class HostDevice:
         if self.used + size > self.most_bytes:
             raise DeviceMemoryError(f"{purpose} needs {size} bytes, but only {self.most_bytes - self.used} are free")
         return HostMemory(self, size)
+
+    def holds(self, address: int) -> bool:
+        """Nobody can tell."""
+        return True
 
     def _do(self, work: Callable[[], object]) -> None:
         if self._recording is None:
@@ -167,6 +172,9 @@ class HostDevice:
 
     def wait_for(self, stream: int) -> None:
         """There is one thread and no stream."""
+
+    def wait_for_all(self) -> None:
+        """As `wait_for`."""
 
     def synchronize(self) -> None:
         """Everything is done when it is asked for."""

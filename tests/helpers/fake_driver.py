@@ -1,4 +1,4 @@
-"""Stand-ins for functions of cuda.bindings and cuda.core, in which the host's memory is the GPU's.
+"""Stand-ins for functions of cuda.bindings, in which the host's memory is the GPU's.
 
 Every stand-in takes the arguments that the real function takes, and gives what that gives.
 """
@@ -9,26 +9,35 @@ from __future__ import annotations
 import ctypes
 import inspect
 from collections.abc import Callable
-from types import SimpleNamespace
 from typing import Any
 
-from cuda import core
 from cuda.bindings import driver
 
 SUCCESS = driver.CUresult.CUDA_SUCCESS
-STREAM, GRAPH, EXECUTABLE = 0x51, 0x67, 0x78
+CONTEXT, STREAM, GRAPH, EXECUTABLE, POOL, EVENT, LIBRARY = 0x43, 0x51, 0x67, 0x78, 0x70, 0x65, 0x6C
+KERNEL, FUNCTION = 0x6B, 0x66
 TOTAL = 1_000_000
 """Bytes of the GPU."""
+IN_GRAPHS = ("cuLaunchKernel", "cuMemcpyDtoDAsync", "cuMemsetD8Async", "cuStreamEndCapture")
+"""What may be asked for while a graph is recorded; all else ends the recording, or becomes a part of it by mistake."""
 
 
 class FakeDriver:
-    """What the stand-ins do; `calls`: their names and arguments, `memory`: bytes by address."""
+    """What the stand-ins do.
+
+    calls: names and arguments, but for the context's; memory: bytes by address; kept: sizes of what was freed and the
+    pool has not given back; status: of functions that fail, the first `failures` times (None: always).
+    """
 
     def __init__(self) -> None:
         self.calls: list[tuple[str, tuple[Any, ...]]] = []
         self.memory: dict[int, Any] = {}
+        self.kept: list[int] = []
         self.status: dict[str, driver.CUresult] = {}
-        """Of functions that fail."""
+        self.failures: int | None = None
+        self.recording = False
+        self.launches: list[tuple[int, int, list[bytes]]] = []
+        """Blocks, threads of each, and what the addresses of arguments point to at that time."""
 
     def names(self) -> list[str]:
         return [name for name, _ in self.calls]
@@ -38,7 +47,7 @@ class FakeDriver:
         return [arguments for called, arguments in self.calls if called == name]
 
     def free_bytes(self) -> int:
-        return TOTAL - sum(len(buffer) for buffer in self.memory.values())
+        return TOTAL - sum(len(buffer) for buffer in self.memory.values()) - sum(self.kept)
 
     # Each returns what follows the status, or the status of an error.
 
@@ -59,11 +68,45 @@ class FakeDriver:
 
     def cuDeviceGetAttribute(self, attribute: driver.CUdevice_attribute, device: int) -> int:
         del device
-        return 9 if attribute.name.endswith("MAJOR") else 0
+        name = attribute.name.removeprefix("CU_DEVICE_ATTRIBUTE_")
+        return {"COMPUTE_CAPABILITY_MAJOR": 9, "MULTIPROCESSOR_COUNT": 2, "MAX_THREADS_PER_MULTIPROCESSOR": 256}.get(
+            name, 0
+        )
+
+    def cuDevicePrimaryCtxRetain(self, device: int) -> driver.CUcontext:
+        assert device == 1
+        return driver.CUcontext(CONTEXT)
+
+    def cuCtxSetCurrent(self, context: driver.CUcontext) -> None:
+        assert int(context) == CONTEXT
+
+    def cuCtxSynchronize(self) -> None:
+        """Everything is done."""
+
+    def cuStreamCreate(self, flags: int) -> driver.CUstream:
+        assert flags == driver.CUstream_flags.CU_STREAM_NON_BLOCKING.value
+        return driver.CUstream(STREAM)
+
+    def cuDeviceGetMemPool(self, device: int) -> driver.CUmemoryPool:
+        assert device == 1
+        return driver.CUmemoryPool(POOL)
+
+    def cuMemPoolSetAttribute(
+        self, pool: driver.CUmemoryPool, attribute: driver.CUmemPool_attribute, value: driver.cuuint64_t
+    ) -> None:
+        assert int(pool) == POOL
+        driver._HelperCUmemPool_attribute(attribute, value)
+
+    def cuMemPoolTrimTo(self, pool: driver.CUmemoryPool, least: int) -> None:
+        assert (int(pool), least) == (POOL, 0)
+        self.kept.clear()
 
     def cuMemAllocAsync(self, size: int, stream: driver.CUstream) -> int | driver.CUresult:
         assert int(stream) == STREAM
-        if size > self.free_bytes():
+        fitting = [kept for kept in self.kept if kept >= size]
+        if fitting:
+            self.kept.remove(fitting[0])
+        elif size > self.free_bytes():
             return driver.CUresult.CUDA_ERROR_OUT_OF_MEMORY
         buffer = ctypes.create_string_buffer(b"\xff" * size, size)
         self.memory[ctypes.addressof(buffer)] = buffer
@@ -71,10 +114,16 @@ class FakeDriver:
 
     def cuMemFreeAsync(self, address: int, stream: driver.CUstream) -> None:
         assert int(stream) == STREAM
-        del self.memory[address]
+        self.kept.append(len(self.memory.pop(address)))
 
     def cuMemGetInfo(self) -> tuple[int, int]:
         return self.free_bytes(), TOTAL
+
+    def cuPointerGetAttribute(self, attribute: driver.CUpointer_attribute, address: int) -> int | driver.CUresult:
+        assert attribute == driver.CUpointer_attribute.CU_POINTER_ATTRIBUTE_DEVICE_ORDINAL
+        if any(begin <= address < begin + len(b) for begin, b in self.memory.items()):
+            return 1
+        return driver.CUresult.CUDA_ERROR_INVALID_VALUE
 
     def cuMemcpyHtoDAsync(self, to: int, source: int, size: int, stream: driver.CUstream) -> None:
         self.move(to, source, size, stream, to)
@@ -97,6 +146,7 @@ class FakeDriver:
     def cuStreamBeginCapture(self, stream: driver.CUstream, mode: driver.CUstreamCaptureMode) -> None:
         assert int(stream) == STREAM
         assert isinstance(mode, driver.CUstreamCaptureMode)
+        self.recording = True
 
     def cuStreamEndCapture(self, stream: driver.CUstream) -> driver.CUgraph:
         assert int(stream) == STREAM
@@ -115,6 +165,46 @@ class FakeDriver:
     def cuGraphExecDestroy(self, executable: driver.CUgraphExec) -> None:
         assert int(executable) == EXECUTABLE
 
+    def cuEventCreate(self, flags: int) -> driver.CUevent:
+        assert flags == driver.CUevent_flags.CU_EVENT_DISABLE_TIMING.value
+        return driver.CUevent(EVENT)
+
+    def cuEventRecord(self, event: driver.CUevent, stream: driver.CUstream) -> None:
+        assert int(event) == EVENT
+
+    def cuStreamWaitEvent(self, stream: driver.CUstream, event: driver.CUevent, flags: int) -> None:
+        assert (int(stream), int(event), flags) == (STREAM, EVENT, 0)
+
+    def cuEventDestroy(self, event: driver.CUevent) -> None:
+        assert int(event) == EVENT
+
+    def cuLibraryLoadData(self, code: bytes, *options: Any) -> driver.CUlibrary:
+        assert code[:4] == b"\x7fELF"
+        assert options == ([], [], 0, [], [], 0)
+        return driver.CUlibrary(LIBRARY)
+
+    def cuLibraryUnload(self, library: driver.CUlibrary) -> None:
+        assert int(library) == LIBRARY
+
+    def cuLibraryGetKernel(self, library: driver.CUlibrary, name: bytes) -> driver.CUkernel:
+        assert int(library) == LIBRARY
+        assert isinstance(name, bytes)
+        return driver.CUkernel(KERNEL)
+
+    def cuKernelGetFunction(self, kernel: driver.CUkernel) -> driver.CUfunction:
+        assert int(kernel) == KERNEL
+        return driver.CUfunction(FUNCTION)
+
+    def cuLaunchKernel(self, function: driver.CUfunction, *rest: Any) -> None:
+        grid, block = rest[:3], rest[3:6]
+        shared, stream, addresses, extra = rest[6:]
+        assert isinstance(function, driver.CUfunction)
+        assert (int(function), int(stream)) == (FUNCTION, STREAM)
+        assert (grid[1:], block[1:], shared, extra) == ((1, 1), (1, 1), 0, 0)
+        assert driver._HelperKernelParams(addresses).ckernelParams == addresses
+        places = (ctypes.c_void_p * 64).from_address(addresses)
+        self.launches.append((grid[0], block[0], [ctypes.string_at(place or 0, 8) for place in places]))
+
     def move(self, to: int, source: int, size: int, stream: driver.CUstream, on_device: int) -> None:
         assert int(stream) == STREAM
         self.check_inside(on_device, size)
@@ -122,6 +212,13 @@ class FakeDriver:
 
     def check_inside(self, address: int, size: int) -> None:
         assert any(begin <= address and address + size <= begin + len(b) for begin, b in self.memory.items())
+
+    def _failure_of(self, name: str) -> driver.CUresult | None:
+        if name not in self.status or self.failures == 0:
+            return None
+        if self.failures is not None:
+            self.failures -= 1
+        return self.status[name]
 
     def stand_in(self, name: str) -> Callable[..., tuple[Any, ...]]:
         """For the driver's function of this name."""
@@ -131,26 +228,14 @@ class FakeDriver:
 
         def function(*arguments: Any) -> tuple[Any, ...]:
             signature.bind(*arguments)
-            self.calls.append((name, arguments))
-            values = self.status.get(name) or getattr(self, name)(*arguments)
+            if name != "cuCtxSetCurrent":
+                self.calls.append((name, arguments))
+                assert not self.recording or name in IN_GRAPHS, f"{name} while a graph is recorded"
+            if name == "cuStreamEndCapture":
+                self.recording = False
+            values = self._failure_of(name) or getattr(self, name)(*arguments)
             if isinstance(values, driver.CUresult):  # as the bindings do
                 return (values, *nothing)
             return (SUCCESS, *(() if values is None else values if isinstance(values, tuple) else (values,)))
 
         return function
-
-
-class FakeCore:
-    """As cuda.core.Device, and what launches are asked for."""
-
-    def __init__(self) -> None:
-        self.current: list[int] = []
-        self.launches: list[tuple[Any, ...]] = []
-
-    def device(self, ordinal: int) -> SimpleNamespace:
-        stream = SimpleNamespace(handle=driver.CUstream(STREAM))
-        return SimpleNamespace(set_current=lambda: self.current.append(ordinal), create_stream=lambda: stream)
-
-    def launch(self, stream: Any, config: core.LaunchConfig, kernel: Any, *arguments: Any) -> None:
-        inspect.signature(core.launch).bind(stream, config, kernel, *arguments)
-        self.launches.append((stream, config, kernel, arguments))

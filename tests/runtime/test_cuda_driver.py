@@ -10,6 +10,7 @@ from enum import IntEnum
 import pytest
 
 from yasps.runtime.cuda_driver import CudaDevice, NoDeviceError, device_of, find_device
+from yasps.runtime.cuda_residency import Residency
 
 
 class Status(IntEnum):
@@ -19,6 +20,8 @@ class Status(IntEnum):
 
 
 class Attribute(IntEnum):
+    CU_DEVICE_ATTRIBUTE_MULTIPROCESSOR_COUNT = 16
+    CU_DEVICE_ATTRIBUTE_MAX_THREADS_PER_MULTIPROCESSOR = 39
     CU_DEVICE_ATTRIBUTE_COMPUTE_CAPABILITY_MAJOR = 75
     CU_DEVICE_ATTRIBUTE_COMPUTE_CAPABILITY_MINOR = 76
 
@@ -28,13 +31,18 @@ def driver_of(
 ) -> types.ModuleType:
     """As `cuda.bindings.driver`, on a machine with GPUs of these compute capabilities."""
     driver = types.ModuleType("driver")
+
+    def attribute_of(attribute: Attribute, device: int) -> tuple[Status, int]:
+        major, minor = capabilities[device]
+        return Status.CUDA_SUCCESS, {75: major, 76: minor, 16: 132, 39: 2048}[attribute]
+
     functions = {
         "cuInit": lambda flags: (status,),
         "cuDriverGetVersion": lambda: (Status.CUDA_SUCCESS, version),
         "cuDeviceGetCount": lambda: (Status.CUDA_SUCCESS, len(capabilities)),
         "cuDeviceGet": lambda ordinal: (Status.CUDA_SUCCESS, ordinal),
         "cuDeviceGetName": lambda size, device: (Status.CUDA_SUCCESS, f"GPU {device}".encode().ljust(size, b"\0")),
-        "cuDeviceGetAttribute": lambda attribute, device: (Status.CUDA_SUCCESS, capabilities[device][attribute - 75]),
+        "cuDeviceGetAttribute": attribute_of,
     }
     for name, value in {"CUresult": Status, "CUdevice_attribute": Attribute, **functions}.items():
         setattr(driver, name, value)
@@ -43,8 +51,8 @@ def driver_of(
 
 def test_the_architecture_comes_from_the_device() -> None:
     driver = driver_of([(9, 0), (12, 0)], version=13020)
-    assert device_of(driver, 0) == CudaDevice(0, "GPU 0", "sm_90", (13, 2))
-    assert device_of(driver, 1) == CudaDevice(1, "GPU 1", "sm_120", (13, 2))
+    assert device_of(driver, 0) == CudaDevice(0, "GPU 0", "sm_90", (13, 2), Residency(132, 2048))
+    assert device_of(driver, 1) == CudaDevice(1, "GPU 1", "sm_120", (13, 2), Residency(132, 2048))
 
 
 def test_what_is_missing_is_said() -> None:

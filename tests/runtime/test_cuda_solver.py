@@ -6,13 +6,14 @@ from typing import Any
 
 import numpy as np
 import pytest
-from cuda_on_host import HostProgram
+from cuda_on_host import HostDevice, HostProgram
 from device_systems import Maker, Structure, load_solver_program, random_structure
 
-from yasps.runtime import cuda_solver
+from yasps.runtime import device
 from yasps.runtime.cuda_block_matrix import CudaBlockMatrix
 from yasps.runtime.cuda_solver import least_bytes_per_iteration
 from yasps.runtime.cuda_sources import runtime_sources
+from yasps.runtime.device import blocks_for_sum
 from yasps.runtime.library import Runtime
 from yasps.runtime.solver import PcgSolver, SolveReport, StopReason
 
@@ -67,13 +68,35 @@ def test_solves_as_the_cpu_does(
 
 def test_few_blocks_take_turns(maker: Maker, monkeypatch: pytest.MonkeyPatch) -> None:
     """As on a large system: more unknowns than threads."""
-    monkeypatch.setattr(cuda_solver, "_MOST_BLOCKS", 1)
+    monkeypatch.setattr(device, "BLOCKS_AT_ONCE", 1)
+    monkeypatch.setattr(maker.device, "multiprocessors", 1)
     system = maker.random(random_structure(3, (100, 4), (3, 5)))
     assert system.size > 2 * 128
     g = np.random.default_rng(2).standard_normal(system.size)
     x, report = maker.solver().solve(system.parts, system.vector(g), 1e-26, 300)
     assert report.converged
     np.testing.assert_allclose(x.download(), np.linalg.solve(system.dense, g), rtol=1e-10, atol=1e-12)
+
+
+def test_no_more_blocks_than_run_at_once(maker: Maker, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Every block of a kernel reads what all of the one before left."""
+    monkeypatch.setattr(maker.device, "multiprocessors", 132)
+    assert [blocks_for_sum(maker.device, n) for n in (0, 1, 128, 129, 10**5, 10**6)] == [0, 1, 1, 2, 782, 1056]
+    monkeypatch.setattr(maker.device, "multiprocessors", 1)
+    threads: dict[str, int] = {}
+
+    def launch(kernel: Any, count: int, arguments: Any, *, block: int = device.BLOCK) -> None:
+        threads[kernel.name] = count
+        HostDevice.launch(maker.device, kernel, count, arguments, block=block)
+
+    monkeypatch.setattr(maker.device, "launch", launch)
+    system = maker.random(random_structure(3, (500, 4), (3, 5)), definite=False)
+    assert system.size > 8 * 128
+    g = np.random.default_rng(2).standard_normal(system.size)
+    maker.solver().solve(system.parts, system.vector(g), 1e-8, 50)
+    over_all = {f"yasps_pcg_{name}" for name in ("prepare", "start", "curvature", "step", "direction")}
+    found = {name: count for name, count in threads.items() if name.startswith("yasps_pcg")}
+    assert found == {"yasps_pcg_begin": 128} | dict.fromkeys(over_all, 1024)
 
 
 @pytest.mark.parametrize("limit", [0, 1, 2, 5, 8, 9])

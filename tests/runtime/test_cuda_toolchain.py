@@ -11,6 +11,7 @@ from pathlib import Path
 
 import pytest
 
+from yasps.backend.cuda_object import BLOCKS_AT_ONCE, THREADS
 from yasps.runtime.cuda_nvcc import CudaNotFoundError, find_nvcc
 from yasps.runtime.cuda_toolchain import (
     CudaToolchain,
@@ -21,7 +22,7 @@ from yasps.runtime.cuda_toolchain import (
 )
 from yasps.runtime.toolchain import CompilationError, Source
 
-ARCHITECTURES = ("sm_80", "sm_90", "sm_120")
+ARCHITECTURES = ("sm_80", "sm_89", "sm_90", "sm_120")
 
 # The kernel keeps 200 numbers on its stack, and the function it calls in another module 300.
 CALLER = Source(
@@ -146,7 +147,6 @@ def test_programs_are_cached_by_text_flags_and_architecture(cuda: CudaToolchain,
     assert [item.cached for item in compiled([changed, HALVE], toolchain)] == [False, True]
 
     key = replace(toolchain.nvcc, key="another nvcc")
-    assert not compiled_as_runtime([SCALE], toolchain)[0].cached, "the runtime has flags of its own"
     assert compiled_as_runtime([SCALE], replace(toolchain, nvcc=key))[0].cached, (
         "it includes nothing: NVRTC compiles it"
     )
@@ -165,17 +165,38 @@ def test_an_empty_object_left_by_a_crash_is_rebuilt(cuda: CudaToolchain) -> None
     assert len(item.path.read_bytes()) == len(content)
 
 
+CROWD = 300
+"""Doubles that live at once in `crowded`, where 255 registers hold 127."""
+
+
+def crowded(head: str) -> str:
+    """A function that needs more registers than there are."""
+    loads = "".join(f"double v{i} = p[{i} * n + threadIdx.x];\n" for i in range(CROWD))
+    sums = "".join(f"s = s * v{i} + v{(i * 7) % CROWD};\n" for i in range(CROWD))
+    stores = "".join(f"p[{i} * n + threadIdx.x] = s + v{i};\n" for i in range(CROWD))
+    return f'extern "C" {head}(double* p, int n) {{\n{loads}double s = 0.0;\n{sums}{stores}}}\n'
+
+
+@pytest.mark.usefixtures("cache")
+def test_functions_have_as_many_registers_as_their_callers_may(cuda: CudaToolchain) -> None:
+    """Else the linker refuses the call: a kernel of 4 blocks at once has 128 at most."""
+    bounds = f"__launch_bounds__({THREADS}, {BLOCKS_AT_ONCE})"
+    caller = f"""extern "C" __device__ void crowded(double* p, int n);
+extern "C" __global__ void {bounds} caller(double* p, int n) {{ crowded(p, n); }}
+"""
+    sources = [Source("caller", caller), Source("crowded", crowded("__device__ void crowded"))]
+    for modules, runtime in ((sources, []), (sources[:1], sources[1:])):
+        row = build_program(cuda, modules, runtime).rows[0]
+        assert 100 < row.registers <= 65536 // (THREADS * BLOCKS_AT_ONCE) == 128
+
+
 @pytest.mark.usefixtures("cache")
 def test_spilling_kernels_say_so(cuda: CudaToolchain) -> None:
-    count = 300  # doubles that live at once, where 255 registers hold 127
-    loads = "".join(f"double v{i} = p[{i} * n + threadIdx.x];\n" for i in range(count))
-    sums = "".join(f"s = s * v{i} + v{(i * 7) % count};\n" for i in range(count))
-    stores = "".join(f"p[{i} * n + threadIdx.x] = s + v{i};\n" for i in range(count))
-    text = f'extern "C" __global__ void crowded(double* p, int n) {{\n{loads}double s = 0.0;\n{sums}{stores}}}\n'
-    crowded, halve, _ = build_program(cuda, [Source("crowded", text), HALVE]).rows
-    assert crowded.registers == 255
-    assert crowded.spill_bytes >= 8 * (count - 127)
-    assert crowded.stack_bytes > 0
+    text = crowded("__global__ void __launch_bounds__(128) crowded")
+    wide, halve, _ = build_program(cuda, [Source("crowded", text), HALVE]).rows
+    assert wide.registers == 255, "its launch bounds count"
+    assert wide.spill_bytes >= 8 * (CROWD - 127)
+    assert wide.stack_bytes > 0
     assert (halve.spill_bytes, halve.stack_bytes) == (0, 0)
     assert 0 < halve.registers < 32
 

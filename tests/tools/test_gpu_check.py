@@ -6,6 +6,7 @@ import argparse
 import importlib.util
 import json
 import sys
+import time
 from collections.abc import Iterator
 from importlib.machinery import SourceFileLoader
 from pathlib import Path
@@ -15,9 +16,11 @@ from typing import Any
 import pytest
 from cuda_on_host import HostDevice
 
+from benchmarks.__main__ import _parser
 from yasps.runtime.cuda_driver import NoDeviceError, find_device
 from yasps.runtime.cuda_nvcc import CudaNotFoundError
 
+BENCHMARK_OPTIONS = _parser()
 SCRIPT = Path(__file__).parents[2] / "tools" / "gpu_check"
 
 
@@ -51,18 +54,23 @@ def simple(tool: ModuleType) -> Any:
 
 def run(tool: ModuleType, parts: list[Any], tmp_path: Path, seconds: float = 60.0) -> tuple[int, dict[str, Any]]:
     """Exit status and JSON."""
-    options = argparse.Namespace(json=tmp_path / "found.json", log=tmp_path / "all.log", seconds=seconds)
-    status = tool.check(parts, options, {})
+    minutes = (seconds + tool.SECONDS_TO_END) / 60.0
+    options = argparse.Namespace(json=tmp_path / "found.json", log=tmp_path / "all.log", minutes=minutes)
+    status = tool.check(parts, options, {}, time.monotonic())
     return status, json.loads(options.json.read_text())
 
 
+HANGS = "import time; print('so far', flush=True); time.sleep(100)"
+
+
 def test_all_that_ran_is_shown_when_parts_fail_or_hang(
-    tool: ModuleType, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    tool: ModuleType, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    monkeypatch.setattr(tool, "LEAST_SECONDS", 0.5)
     read = simple(tool)
     parts = [
         tool.Part("first", python("print('fine')"), 30, read, lambda: [{"value": 1}]),
-        tool.Part("hangs", python("import time; print('so far', flush=True); time.sleep(100)"), 1.0, read),
+        tool.Part("hangs", python(HANGS), 1, read),
         tool.Part("fails", python("raise SystemExit('broken')"), 30, read),
         tool.Part("last", python("print('still fine')"), 30, read),
     ]
@@ -74,11 +82,59 @@ def test_all_that_ran_is_shown_when_parts_fail_or_hang(
     assert [line["detail"] for line in results] == ["fine", "so far", "broken", "still fine"]
     assert found["parts"][0]["rows"] == [{"value": 1}]
     shown = capsys.readouterr().out
-    assert "OUT OF TIME" in shown
+    assert shown.count("OUT OF TIME") == 1
+    assert shown.count("detail") == 1, "it is one table"
     assert "2 of 4 parts passed" in shown
     log = (tmp_path / "all.log").read_text()
     assert log.count("====") == 4
-    assert "2 of 4 parts passed" in log
+
+
+def test_rows_are_there_as_soon_as_a_part_has_ended(
+    tool: ModuleType, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    seen: list[tuple[str, bool]] = []
+
+    def look(status: int | None, said: str) -> list[Any]:
+        found = tmp_path / "found.json"
+        seen.append((capsys.readouterr().out, found.is_file() and "row of the first" in found.read_text()))
+        return [tool.Line("second", tool.PASSED)]
+
+    parts = [
+        tool.Part("one", python("pass"), 1, lambda status, said: [tool.Line("row of the first", tool.PASSED)]),
+        tool.Part("two", python("pass"), 1, look),
+    ]
+    run(tool, parts, tmp_path)
+    ((shown, written),) = seen
+    assert "row of the first" in shown
+    assert written
+
+
+def test_time_is_never_exceeded_and_shared(tool: ModuleType, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Every part hangs, and each gets its share."""
+    monkeypatch.setattr(tool, "LEAST_SECONDS", 0.2)
+
+    def stopped(status: int | None, said: str) -> list[Any]:
+        return [tool.Line("it", tool.PASSED)]  # or nothing would run after the first
+
+    parts = [tool.Part(name, python(HANGS), share, stopped) for name, share in (("a", 3), ("b", 1), ("c", 2))]
+    start = time.monotonic()
+    run(tool, parts, tmp_path, seconds=3.0)
+    assert 2.9 < time.monotonic() - start < 3.0 + tool.SECONDS_TO_END
+    assert [part.seconds for part in parts] == pytest.approx([1.5, 0.5, 1.0], abs=0.3)
+
+
+def test_what_a_part_leaves_goes_to_the_others(tool: ModuleType, monkeypatch: pytest.MonkeyPatch) -> None:
+    given: list[float] = []
+
+    def note(part: Any, seconds: float, environment: dict[str, str]) -> str:
+        given.append(seconds)
+        part.lines = [tool.Line("it", tool.PASSED)]
+        return ""
+
+    monkeypatch.setattr(tool, "run_part", note)
+    parts = [tool.Part(str(k), ["x"], share, simple(tool)) for k, share in enumerate((1, 1, 2))]
+    tool.run_parts(parts, time.monotonic() + 60.0, {}, lambda part, said: None)
+    assert given == pytest.approx([15.0, 20.0, 60.0], abs=0.1)
 
 
 def test_all_passed(tool: ModuleType, tmp_path: Path) -> None:
@@ -100,12 +156,21 @@ def test_nothing_runs_after_a_failed_environment(tool: ModuleType, tmp_path: Pat
 
 def test_what_there_was_no_time_for(tool: ModuleType, tmp_path: Path) -> None:
     parts = [
-        tool.Part("first", python("import time; time.sleep(100)"), 100, lambda status, said: [tool.Line("", "passed")]),
-        tool.Part("second", python("pass"), 30, simple(tool)),
+        tool.Part("first", python(HANGS), 3, lambda status, said: [tool.Line("", "passed")]),
+        tool.Part("second", python("pass"), 1, simple(tool)),
     ]
-    status, found = run(tool, parts, tmp_path, seconds=1.0)
+    status, found = run(tool, parts, tmp_path, seconds=4.0)
     assert status == 1
-    assert found["parts"][1]["lines"][0]["detail"] == "no time was left of 1 s"
+    (line,) = found["parts"][1]["lines"]
+    assert line["result"] == "NOT RUN"
+    assert "no time was left" in line["detail"]
+
+
+def test_minutes_are_positive(tool: ModuleType, capsys: pytest.CaptureFixture[str]) -> None:
+    for text in ("0", "-1", "nan", "six"):
+        with pytest.raises(SystemExit):
+            tool.main([f"--minutes={text}"])
+        assert "is no positive number of minutes" in capsys.readouterr().err
 
 
 def test_interrupting_keeps_what_was_found(
@@ -168,7 +233,11 @@ def test_tests_that_were_stopped_or_never_began(tool: ModuleType) -> None:
 
 @pytest.mark.parametrize(
     ("name", "summary"),
-    [("memcheck", "ERROR SUMMARY: 0 errors"), ("racecheck", "RACECHECK SUMMARY: 0 hazards displayed")],
+    [
+        ("memcheck", "ERROR SUMMARY: 0 errors"),
+        ("racecheck", "RACECHECK SUMMARY: 0 hazards displayed"),
+        ("synccheck", "ERROR SUMMARY: 0 errors"),
+    ],
 )
 def test_the_sanitizer_must_have_counted_and_the_scene_run(tool: ModuleType, name: str, summary: str) -> None:
     read = tool.reader_of(name)
@@ -211,11 +280,25 @@ def test_parts_are_commands_that_exist(tool: ModuleType, tmp_path: Path) -> None
     assert [part.name for part in parts] == [
         "environment",
         "GPU tests",
-        "compute-sanitizer memcheck",
-        "compute-sanitizer racecheck",
         *(f"benchmark {name}" for name in ("elements", "contacts", "spmv", "solver", "assembly", "scene")),
+        "sanitizer memcheck",
+        "sanitizer racecheck",
+        "sanitizer synccheck",
     ]
-    assert tool.SECONDS < 480
+    for part in parts:
+        if part.name.startswith("benchmark"):
+            options = BENCHMARK_OPTIONS.parse_args(part.command[3:])
+            assert (options.name, options.device) == (part.name.split()[1], "cuda")
+
+
+def test_only_what_kernels_do_wrong_counts_for_memcheck(tool: ModuleType, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(tool, "find_sanitizer", lambda: "/opt/compute-sanitizer")
+    commands = {name: tool.sanitizer_command(name, ["python", "gpu_check", "--child"]) for name in tool.SANITIZERS}
+    assert commands["memcheck"][:5] == ["/opt/compute-sanitizer", "--tool", "memcheck", "--report-api-errors", "no"]
+    for name, command in commands.items():
+        assert command[1:3] == ["--tool", name]
+        assert command[-4:] == ["python", "gpu_check", "--child", "small-scene"]
+        assert ("--report-api-errors" in command) == (name == "memcheck"), "the others do not know it"
 
 
 def test_without_a_gpu_the_command_says_so_and_fails(
@@ -232,4 +315,4 @@ def test_without_a_gpu_the_command_says_so_and_fails(
     found = json.loads(path.read_text())
     assert found["parts"][0]["lines"][-1]["detail"] == sentence
     assert {part["passed"] for part in found["parts"]} == {False}
-    assert "0 of 10 parts passed" in capsys.readouterr().out
+    assert "0 of 11 parts passed" in capsys.readouterr().out
