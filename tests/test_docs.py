@@ -11,9 +11,10 @@ import numpy as np
 import pytest
 import scipy
 from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
 from xdsl.parser import Parser
 
-from yasps import Scene
+from yasps import Attribute, Scene, concat_cols, concat_rows, identity, stumpff
 from yasps.dialects.mat import OPERATIONS
 from yasps.examples import two_bunnies
 from yasps.frontend import errors, yasps_opt
@@ -250,10 +251,27 @@ def test_parts_of_a_dynamic_primitive_are_set_together() -> None:
     assert pairs.vertices.indices.tolist() == [[0, 7], [1, 9]]
 
 
+def test_the_rotation_of_a_vector_is_one() -> None:
+    r = np.array([[0.0, 0.0, 0.0], [0.3, -1.2, 0.4]])
+    vectors = Scene("turned", threads=1).add_mesh("m").add_primitive("v", 2)
+    x, y, z = vectors.add_attribute("r", 3, 1, value=r)
+    rows = [[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]]
+    names = {
+        "r": vectors["r"],
+        "identity": identity,
+        "stumpff": stumpff,
+        "cross_matrix": concat_rows([concat_cols(row) for row in rows]),
+    }
+    exec(snippet("stumpff"), names)
+    rotation = names["rotation"]
+    assert isinstance(rotation, Attribute)
+    np.testing.assert_allclose(rotation.compute().array, Rotation.from_rotvec(r).as_matrix(), atol=1e-15)
+
+
 def test_every_python_block_is_run() -> None:
     """Whoever writes one more writes a test of it."""
     shown = {name.name: len(re.findall(r"```python", name.read_text(encoding="utf-8"))) for name in DOCUMENTS}
-    run = {"README.md": 1, "architecture.md": 1, "contact-and-stepping.md": 1, "gpu.md": 1, "language.md": 4}
+    run = {"README.md": 1, "architecture.md": 1, "contact-and-stepping.md": 1, "gpu.md": 1, "language.md": 5}
     assert {name: count for name, count in shown.items() if count} == run
 
 

@@ -6,6 +6,8 @@ builtin.module {
     rel.connectivity @m.t.corners from @m.t to @m.v arity 4 : i64
     rel.storage @m.v.x on @m.v : tensor<3x1xf64>
     rel.storage @m.v.mass on @m.v : tensor<1x1xf64> constant
+    rel.storage @m.t.swell.numbers on @soft_tets : tensor<1x1xf64> constant numbers dense<3.000000e+00> : tensor<1x1xf64>
+    rel.storage @m.v.gravity.numbers on @soft_tets : tensor<1x1xf64> constant numbers dense<9.800000e+00> : tensor<1x1xf64>
     rel.attribute @m.t.swell on @m.t : tensor<1x1xf64>
     rel.attribute @m.v.gravity on @m.v : tensor<1x1xf64>
     rel.energy @m.t.swell projection "clamp"
@@ -17,51 +19,59 @@ builtin.module {
   }
   rel.object @m.t.swell.object entries ["batch"] {
     rel.attribute @m.t.swell on @m.t : tensor<1x1xf64> {
-      %0 = rel.join @m.v.x through @m.t.corners : tensor<4x3xf64>
-      %1 = rel.apply @m.t.swell.value(%0) : (tensor<4x3xf64>) -> tensor<1x1xf64>
-      rel.yield %1 : tensor<1x1xf64>
+      %0 = rel.data @m.t.swell.numbers : tensor<1x1xf64>
+      %1 = rel.join @m.v.x through @m.t.corners : tensor<4x3xf64>
+      %2 = rel.apply @m.t.swell.value_uniforms(%0) uniform : (tensor<1x1xf64>) -> tensor<1x1xf64>
+      %3 = rel.apply @m.t.swell.value(%1, %2) : (tensor<4x3xf64>, tensor<1x1xf64>) -> tensor<1x1xf64>
+      rel.yield %3 : tensor<1x1xf64>
     }
-    func.func @m.t.swell.value(%0: f64, %1: f64, %2: f64, %3: f64, %4: f64, %5: f64, %6: f64, %7: f64, %8: f64, %9: f64, %10: f64, %11: f64) -> f64 {
-      %12 = arith.constant 5.000000e-01 : f64
-      %13 = arith.subf %0, %9 : f64
-      %14 = arith.subf %1, %10 : f64
-      %15 = arith.subf %2, %11 : f64
-      %16 = arith.subf %0, %6 : f64
-      %17 = arith.subf %1, %7 : f64
-      %18 = arith.subf %2, %8 : f64
-      %19 = arith.subf %0, %3 : f64
-      %20 = arith.subf %1, %4 : f64
-      %21 = arith.subf %2, %5 : f64
-      %22 = arith.mulf %15, %17 : f64
-      %23 = arith.mulf %14, %18 : f64
-      %24 = arith.subf %22, %23 : f64
-      %25 = arith.mulf %15, %16 : f64
-      %26 = arith.mulf %13, %18 : f64
-      %27 = arith.subf %25, %26 : f64
-      %28 = arith.mulf %14, %16 : f64
-      %29 = arith.mulf %13, %17 : f64
-      %30 = arith.subf %28, %29 : f64
-      %31 = arith.mulf %19, %24 : f64
-      %32 = arith.mulf %20, %27 : f64
-      %33 = arith.mulf %21, %30 : f64
-      %34 = arith.addf %12, %33 : f64
-      %35 = arith.addf %31, %34 : f64
-      %36 = arith.subf %35, %32 : f64
-      %37 = arith.constant 3.000000e+00 : f64
-      %38 = arith.mulf %36, %36 : f64
-      %39 = arith.mulf %37, %38 : f64
+    func.func @m.t.swell.value_uniforms(%0: f64) -> f64 {
+      func.return %0 : f64
+    }
+    func.func @m.t.swell.value(%0: f64, %1: f64, %2: f64, %3: f64, %4: f64, %5: f64, %6: f64, %7: f64, %8: f64, %9: f64, %10: f64, %11: f64, %12: f64) -> f64 {
+      %13 = arith.constant 5.000000e-01 : f64
+      %14 = arith.subf %0, %9 : f64
+      %15 = arith.subf %1, %10 : f64
+      %16 = arith.subf %2, %11 : f64
+      %17 = arith.subf %0, %6 : f64
+      %18 = arith.subf %1, %7 : f64
+      %19 = arith.subf %2, %8 : f64
+      %20 = arith.subf %0, %3 : f64
+      %21 = arith.subf %1, %4 : f64
+      %22 = arith.subf %2, %5 : f64
+      %23 = arith.mulf %16, %18 : f64
+      %24 = arith.mulf %15, %19 : f64
+      %25 = arith.subf %23, %24 : f64
+      %26 = arith.mulf %16, %17 : f64
+      %27 = arith.mulf %14, %19 : f64
+      %28 = arith.subf %26, %27 : f64
+      %29 = arith.mulf %15, %17 : f64
+      %30 = arith.mulf %14, %18 : f64
+      %31 = arith.subf %29, %30 : f64
+      %32 = arith.mulf %20, %25 : f64
+      %33 = arith.mulf %21, %28 : f64
+      %34 = arith.mulf %22, %31 : f64
+      %35 = arith.addf %13, %34 : f64
+      %36 = arith.addf %32, %35 : f64
+      %37 = arith.subf %36, %33 : f64
+      %38 = arith.mulf %37, %37 : f64
+      %39 = arith.mulf %12, %38 : f64
       func.return %39 : f64
     }
   }
   rel.object @m.v.gravity.object entries ["batch"] {
     rel.attribute @m.v.gravity on @m.v : tensor<1x1xf64> {
+      %0 = rel.data @m.v.gravity.numbers : tensor<1x1xf64>
       %x = rel.data @m.v.x : tensor<3x1xf64>
       %mass = rel.data @m.v.mass : tensor<1x1xf64>
-      %0 = rel.apply @m.v.gravity.value(%x, %mass) : (tensor<3x1xf64>, tensor<1x1xf64>) -> tensor<1x1xf64>
-      rel.yield %0 : tensor<1x1xf64>
+      %1 = rel.apply @m.v.gravity.value_uniforms(%0) uniform : (tensor<1x1xf64>) -> tensor<1x1xf64>
+      %2 = rel.apply @m.v.gravity.value(%x, %mass, %1) : (tensor<3x1xf64>, tensor<1x1xf64>, tensor<1x1xf64>) -> tensor<1x1xf64>
+      rel.yield %2 : tensor<1x1xf64>
     }
-    func.func @m.v.gravity.value(%0: f64, %1: f64, %2: f64, %3: f64) -> f64 {
-      %4 = arith.constant 9.800000e+00 : f64
+    func.func @m.v.gravity.value_uniforms(%0: f64) -> f64 {
+      func.return %0 : f64
+    }
+    func.func @m.v.gravity.value(%0: f64, %1: f64, %2: f64, %3: f64, %4: f64) -> f64 {
       %5 = arith.mulf %1, %3 : f64
       %6 = arith.mulf %4, %5 : f64
       func.return %6 : f64
@@ -69,157 +79,162 @@ builtin.module {
   }
   rel.object @m.t.swell.derivative.object entries ["batch"] {
     rel.derivative @m.t.swell.derivative of @m.t.swell on @m.t projection "clamp" indices @m.t.swell.kappa projects "9x9 of 12x12: the energy reads its inputs through a linear cut; by singular values: isotropic in this 3x3 matrix" {
-      %0 = rel.join @m.v.x through @m.t.corners : tensor<4x3xf64>
-      %1, %2, %3, %4 = rel.apply @m.t.swell.derive(%0) : (tensor<4x3xf64>) -> (tensor<1x1xf64>, tensor<12x1xf64>, tensor<45x1xf64>, tensor<9x1xf64>)
-      %5 = rel.project %3 width 9 : i64 mode "clamp" isotropic in %4 : tensor<9x1xf64> : tensor<45x1xf64> -> tensor<45x1xf64>
-      %6 = rel.apply @m.t.swell.pull_back(%5) : (tensor<45x1xf64>) -> tensor<78x1xf64>
-      rel.yield_derivative %1 : tensor<1x1xf64> gradient %2 : tensor<12x1xf64> hessian %6 : tensor<78x1xf64> wrt %0 : tensor<4x3xf64>
+      %0 = rel.data @m.t.swell.numbers : tensor<1x1xf64>
+      %1 = rel.join @m.v.x through @m.t.corners : tensor<4x3xf64>
+      %2 = rel.apply @m.t.swell.derive_uniforms(%0) uniform : (tensor<1x1xf64>) -> tensor<2x1xf64>
+      %3, %4, %5, %6 = rel.apply @m.t.swell.derive(%1, %2) : (tensor<4x3xf64>, tensor<2x1xf64>) -> (tensor<1x1xf64>, tensor<12x1xf64>, tensor<45x1xf64>, tensor<9x1xf64>)
+      %7 = rel.project %5 width 9 : i64 mode "clamp" isotropic in %6 : tensor<9x1xf64> : tensor<45x1xf64> -> tensor<45x1xf64>
+      %8 = rel.apply @m.t.swell.pull_back(%7) : (tensor<45x1xf64>) -> tensor<78x1xf64>
+      rel.yield_derivative %3 : tensor<1x1xf64> gradient %4 : tensor<12x1xf64> hessian %8 : tensor<78x1xf64> wrt %1 : tensor<4x3xf64>
     }
-    func.func @m.t.swell.derive(%0: f64, %1: f64, %2: f64, %3: f64, %4: f64, %5: f64, %6: f64, %7: f64, %8: f64, %9: f64, %10: f64, %11: f64) -> (f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64) {
-      %12 = arith.subf %0, %9 : f64
-      %13 = arith.subf %1, %10 : f64
-      %14 = arith.subf %2, %11 : f64
-      %15 = arith.subf %0, %6 : f64
-      %16 = arith.subf %1, %7 : f64
-      %17 = arith.subf %2, %8 : f64
-      %18 = arith.subf %0, %3 : f64
-      %19 = arith.subf %1, %4 : f64
-      %20 = arith.subf %2, %5 : f64
-      %21 = arith.mulf %14, %16 : f64
-      %22 = arith.mulf %13, %17 : f64
-      %23 = arith.subf %21, %22 : f64
-      %24 = arith.mulf %14, %15 : f64
-      %25 = arith.mulf %12, %17 : f64
-      %26 = arith.subf %24, %25 : f64
-      %27 = arith.mulf %13, %15 : f64
-      %28 = arith.mulf %12, %16 : f64
-      %29 = arith.subf %27, %28 : f64
-      %30 = arith.mulf %14, %19 : f64
-      %31 = arith.mulf %13, %20 : f64
-      %32 = arith.subf %30, %31 : f64
-      %33 = arith.mulf %14, %18 : f64
-      %34 = arith.mulf %12, %20 : f64
-      %35 = arith.subf %33, %34 : f64
-      %36 = arith.mulf %13, %18 : f64
-      %37 = arith.mulf %12, %19 : f64
-      %38 = arith.subf %36, %37 : f64
-      %39 = arith.mulf %17, %19 : f64
-      %40 = arith.mulf %16, %20 : f64
-      %41 = arith.subf %39, %40 : f64
-      %42 = arith.mulf %17, %18 : f64
-      %43 = arith.mulf %15, %20 : f64
-      %44 = arith.subf %42, %43 : f64
-      %45 = arith.mulf %16, %18 : f64
-      %46 = arith.mulf %15, %19 : f64
-      %47 = arith.subf %45, %46 : f64
-      %48 = arith.constant 5.000000e-01 : f64
-      %49 = arith.mulf %18, %23 : f64
-      %50 = arith.mulf %19, %26 : f64
-      %51 = arith.mulf %20, %29 : f64
-      %52 = arith.addf %48, %51 : f64
-      %53 = arith.addf %49, %52 : f64
-      %54 = arith.subf %53, %50 : f64
-      %55 = arith.constant 3.000000e+00 : f64
-      %56 = arith.constant 6.000000e+00 : f64
-      %57 = arith.mulf %56, %54 : f64
-      %58 = arith.mulf %23, %57 : f64
-      %59 = arith.mulf %26, %57 : f64
-      %60 = arith.mulf %29, %57 : f64
-      %61 = arith.mulf %32, %57 : f64
-      %62 = arith.mulf %35, %57 : f64
-      %63 = arith.mulf %38, %57 : f64
-      %64 = arith.mulf %41, %57 : f64
-      %65 = arith.mulf %44, %57 : f64
-      %66 = arith.mulf %47, %57 : f64
+    func.func @m.t.swell.derive_uniforms(%0: f64) -> (f64, f64) {
+      %1 = arith.constant 2.000000e+00 : f64
+      %2 = arith.mulf %1, %0 : f64
+      func.return %0, %2 : f64, f64
+    }
+    func.func @m.t.swell.derive(%0: f64, %1: f64, %2: f64, %3: f64, %4: f64, %5: f64, %6: f64, %7: f64, %8: f64, %9: f64, %10: f64, %11: f64, %12: f64, %13: f64) -> (f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64) {
+      %14 = arith.subf %0, %9 : f64
+      %15 = arith.subf %1, %10 : f64
+      %16 = arith.subf %2, %11 : f64
+      %17 = arith.subf %0, %6 : f64
+      %18 = arith.subf %1, %7 : f64
+      %19 = arith.subf %2, %8 : f64
+      %20 = arith.subf %0, %3 : f64
+      %21 = arith.subf %1, %4 : f64
+      %22 = arith.subf %2, %5 : f64
+      %23 = arith.mulf %16, %18 : f64
+      %24 = arith.mulf %15, %19 : f64
+      %25 = arith.subf %23, %24 : f64
+      %26 = arith.mulf %16, %17 : f64
+      %27 = arith.mulf %14, %19 : f64
+      %28 = arith.subf %26, %27 : f64
+      %29 = arith.mulf %15, %17 : f64
+      %30 = arith.mulf %14, %18 : f64
+      %31 = arith.subf %29, %30 : f64
+      %32 = arith.mulf %16, %21 : f64
+      %33 = arith.mulf %15, %22 : f64
+      %34 = arith.subf %32, %33 : f64
+      %35 = arith.mulf %16, %20 : f64
+      %36 = arith.mulf %14, %22 : f64
+      %37 = arith.subf %35, %36 : f64
+      %38 = arith.mulf %15, %20 : f64
+      %39 = arith.mulf %14, %21 : f64
+      %40 = arith.subf %38, %39 : f64
+      %41 = arith.mulf %19, %21 : f64
+      %42 = arith.mulf %18, %22 : f64
+      %43 = arith.subf %41, %42 : f64
+      %44 = arith.mulf %19, %20 : f64
+      %45 = arith.mulf %17, %22 : f64
+      %46 = arith.subf %44, %45 : f64
+      %47 = arith.mulf %18, %20 : f64
+      %48 = arith.mulf %17, %21 : f64
+      %49 = arith.subf %47, %48 : f64
+      %50 = arith.constant 5.000000e-01 : f64
+      %51 = arith.mulf %20, %25 : f64
+      %52 = arith.mulf %21, %28 : f64
+      %53 = arith.mulf %22, %31 : f64
+      %54 = arith.addf %50, %53 : f64
+      %55 = arith.addf %51, %54 : f64
+      %56 = arith.subf %55, %52 : f64
+      %57 = arith.mulf %13, %56 : f64
+      %58 = arith.mulf %25, %57 : f64
+      %59 = arith.mulf %28, %57 : f64
+      %60 = arith.mulf %31, %57 : f64
+      %61 = arith.mulf %34, %57 : f64
+      %62 = arith.mulf %37, %57 : f64
+      %63 = arith.mulf %40, %57 : f64
+      %64 = arith.mulf %43, %57 : f64
+      %65 = arith.mulf %46, %57 : f64
+      %66 = arith.mulf %49, %57 : f64
       %67 = arith.addf %58, %64 : f64
       %68 = arith.subf %67, %61 : f64
       %69 = arith.subf %62, %65 : f64
       %70 = arith.subf %69, %59 : f64
       %71 = arith.addf %60, %66 : f64
       %72 = arith.subf %71, %63 : f64
-      %73 = arith.mulf %16, %57 : f64
-      %74 = arith.mulf %15, %57 : f64
-      %75 = arith.mulf %19, %57 : f64
-      %76 = arith.mulf %18, %57 : f64
-      %77 = arith.mulf %56, %47 : f64
-      %78 = arith.mulf %23, %77 : f64
-      %79 = arith.mulf %26, %77 : f64
-      %80 = arith.mulf %29, %77 : f64
-      %81 = arith.mulf %32, %77 : f64
-      %82 = arith.mulf %35, %77 : f64
-      %83 = arith.mulf %38, %77 : f64
-      %84 = arith.mulf %41, %77 : f64
-      %85 = arith.mulf %44, %77 : f64
-      %86 = arith.mulf %47, %77 : f64
+      %73 = arith.mulf %18, %57 : f64
+      %74 = arith.mulf %17, %57 : f64
+      %75 = arith.mulf %21, %57 : f64
+      %76 = arith.mulf %20, %57 : f64
+      %77 = arith.mulf %13, %49 : f64
+      %78 = arith.mulf %25, %77 : f64
+      %79 = arith.mulf %28, %77 : f64
+      %80 = arith.mulf %31, %77 : f64
+      %81 = arith.mulf %34, %77 : f64
+      %82 = arith.mulf %37, %77 : f64
+      %83 = arith.mulf %40, %77 : f64
+      %84 = arith.mulf %43, %77 : f64
+      %85 = arith.mulf %46, %77 : f64
+      %86 = arith.mulf %49, %77 : f64
       %87 = arith.addf %73, %78 : f64
       %88 = arith.addf %74, %79 : f64
       %89 = arith.addf %75, %81 : f64
       %90 = arith.addf %76, %82 : f64
-      %91 = arith.mulf %17, %57 : f64
-      %92 = arith.mulf %20, %57 : f64
-      %93 = arith.mulf %56, %44 : f64
-      %94 = arith.mulf %23, %93 : f64
-      %95 = arith.mulf %26, %93 : f64
-      %96 = arith.mulf %29, %93 : f64
-      %97 = arith.mulf %32, %93 : f64
-      %98 = arith.mulf %35, %93 : f64
-      %99 = arith.mulf %38, %93 : f64
-      %100 = arith.mulf %41, %93 : f64
-      %101 = arith.mulf %44, %93 : f64
+      %91 = arith.mulf %19, %57 : f64
+      %92 = arith.mulf %22, %57 : f64
+      %93 = arith.mulf %13, %46 : f64
+      %94 = arith.mulf %25, %93 : f64
+      %95 = arith.mulf %28, %93 : f64
+      %96 = arith.mulf %31, %93 : f64
+      %97 = arith.mulf %34, %93 : f64
+      %98 = arith.mulf %37, %93 : f64
+      %99 = arith.mulf %40, %93 : f64
+      %100 = arith.mulf %43, %93 : f64
+      %101 = arith.mulf %46, %93 : f64
       %102 = arith.addf %91, %94 : f64
       %103 = arith.subf %74, %96 : f64
       %104 = arith.addf %92, %97 : f64
       %105 = arith.subf %99, %76 : f64
-      %106 = arith.mulf %56, %41 : f64
-      %107 = arith.mulf %23, %106 : f64
-      %108 = arith.mulf %26, %106 : f64
-      %109 = arith.mulf %29, %106 : f64
-      %110 = arith.mulf %32, %106 : f64
-      %111 = arith.mulf %35, %106 : f64
-      %112 = arith.mulf %38, %106 : f64
-      %113 = arith.mulf %41, %106 : f64
+      %106 = arith.mulf %13, %43 : f64
+      %107 = arith.mulf %25, %106 : f64
+      %108 = arith.mulf %28, %106 : f64
+      %109 = arith.mulf %31, %106 : f64
+      %110 = arith.mulf %34, %106 : f64
+      %111 = arith.mulf %37, %106 : f64
+      %112 = arith.mulf %40, %106 : f64
+      %113 = arith.mulf %43, %106 : f64
       %114 = arith.subf %91, %108 : f64
       %115 = arith.subf %109, %73 : f64
       %116 = arith.subf %111, %92 : f64
       %117 = arith.subf %75, %112 : f64
-      %118 = arith.mulf %13, %57 : f64
-      %119 = arith.mulf %12, %57 : f64
-      %120 = arith.mulf %56, %38 : f64
-      %121 = arith.mulf %23, %120 : f64
-      %122 = arith.mulf %26, %120 : f64
-      %123 = arith.mulf %29, %120 : f64
-      %124 = arith.mulf %32, %120 : f64
-      %125 = arith.mulf %35, %120 : f64
-      %126 = arith.mulf %38, %120 : f64
+      %118 = arith.mulf %15, %57 : f64
+      %119 = arith.mulf %14, %57 : f64
+      %120 = arith.mulf %13, %40 : f64
+      %121 = arith.mulf %25, %120 : f64
+      %122 = arith.mulf %28, %120 : f64
+      %123 = arith.mulf %31, %120 : f64
+      %124 = arith.mulf %34, %120 : f64
+      %125 = arith.mulf %37, %120 : f64
+      %126 = arith.mulf %40, %120 : f64
       %127 = arith.addf %118, %121 : f64
       %128 = arith.addf %119, %122 : f64
-      %129 = arith.mulf %14, %57 : f64
-      %130 = arith.mulf %56, %35 : f64
-      %131 = arith.mulf %23, %130 : f64
-      %132 = arith.mulf %26, %130 : f64
-      %133 = arith.mulf %29, %130 : f64
-      %134 = arith.mulf %32, %130 : f64
-      %135 = arith.mulf %35, %130 : f64
+      %129 = arith.mulf %16, %57 : f64
+      %130 = arith.mulf %13, %37 : f64
+      %131 = arith.mulf %25, %130 : f64
+      %132 = arith.mulf %28, %130 : f64
+      %133 = arith.mulf %31, %130 : f64
+      %134 = arith.mulf %34, %130 : f64
+      %135 = arith.mulf %37, %130 : f64
       %136 = arith.addf %129, %131 : f64
       %137 = arith.subf %133, %119 : f64
-      %138 = arith.mulf %56, %32 : f64
-      %139 = arith.mulf %23, %138 : f64
-      %140 = arith.mulf %26, %138 : f64
-      %141 = arith.mulf %29, %138 : f64
-      %142 = arith.mulf %32, %138 : f64
+      %138 = arith.mulf %13, %34 : f64
+      %139 = arith.mulf %25, %138 : f64
+      %140 = arith.mulf %28, %138 : f64
+      %141 = arith.mulf %31, %138 : f64
+      %142 = arith.mulf %34, %138 : f64
       %143 = arith.subf %140, %129 : f64
       %144 = arith.subf %118, %141 : f64
-      %145 = arith.mulf %56, %29 : f64
-      %146 = arith.mulf %23, %145 : f64
-      %147 = arith.mulf %26, %145 : f64
-      %148 = arith.mulf %29, %145 : f64
-      %149 = arith.mulf %56, %26 : f64
-      %150 = arith.mulf %23, %149 : f64
-      %151 = arith.mulf %26, %149 : f64
-      %152 = arith.mulf %23, %23 : f64
-      %153 = arith.mulf %56, %152 : f64
-      %154 = arith.mulf %54, %54 : f64
-      %155 = arith.mulf %55, %154 : f64
+      %145 = arith.mulf %13, %31 : f64
+      %146 = arith.mulf %25, %145 : f64
+      %147 = arith.mulf %28, %145 : f64
+      %148 = arith.mulf %31, %145 : f64
+      %149 = arith.mulf %13, %28 : f64
+      %150 = arith.mulf %25, %149 : f64
+      %151 = arith.mulf %28, %149 : f64
+      %152 = arith.mulf %25, %25 : f64
+      %153 = arith.mulf %13, %152 : f64
+      %154 = arith.mulf %56, %56 : f64
+      %155 = arith.mulf %12, %154 : f64
       %156 = arith.negf %58 : f64
       %157 = arith.negf %60 : f64
       %158 = arith.negf %62 : f64
@@ -241,15 +256,15 @@ builtin.module {
       %174 = arith.negf %83 : f64
       %175 = arith.negf %100 : f64
       %176 = arith.negf %85 : f64
-      %177 = arith.negf %18 : f64
-      %178 = arith.negf %19 : f64
-      %179 = arith.negf %20 : f64
-      %180 = arith.negf %15 : f64
-      %181 = arith.negf %16 : f64
-      %182 = arith.negf %17 : f64
-      %183 = arith.negf %12 : f64
-      %184 = arith.negf %13 : f64
-      %185 = arith.negf %14 : f64
+      %177 = arith.negf %20 : f64
+      %178 = arith.negf %21 : f64
+      %179 = arith.negf %22 : f64
+      %180 = arith.negf %17 : f64
+      %181 = arith.negf %18 : f64
+      %182 = arith.negf %19 : f64
+      %183 = arith.negf %14 : f64
+      %184 = arith.negf %15 : f64
+      %185 = arith.negf %16 : f64
       func.return %155, %68, %70, %72, %156, %59, %157, %61, %158, %63, %159, %65, %160, %153, %161, %146, %162, %136, %163, %107, %164, %87, %151, %165, %143, %166, %128, %114, %95, %167, %148, %144, %137, %168, %115, %103, %80, %142, %169, %124, %170, %104, %171, %135, %172, %116, %173, %90, %126, %117, %105, %174, %113, %175, %84, %101, %176, %86, %177, %178, %179, %180, %181, %182, %183, %184, %185 : f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64
     }
     func.func @m.t.swell.pull_back(%0: f64, %1: f64, %2: f64, %3: f64, %4: f64, %5: f64, %6: f64, %7: f64, %8: f64, %9: f64, %10: f64, %11: f64, %12: f64, %13: f64, %14: f64, %15: f64, %16: f64, %17: f64, %18: f64, %19: f64, %20: f64, %21: f64, %22: f64, %23: f64, %24: f64, %25: f64, %26: f64, %27: f64, %28: f64, %29: f64, %30: f64, %31: f64, %32: f64, %33: f64, %34: f64, %35: f64, %36: f64, %37: f64, %38: f64, %39: f64, %40: f64, %41: f64, %42: f64, %43: f64, %44: f64) -> (f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64) {
@@ -351,16 +366,20 @@ builtin.module {
   }
   rel.object @m.v.gravity.derivative.object entries ["batch"] {
     rel.derivative @m.v.gravity.derivative of @m.v.gravity on @m.v projection "clamp" indices @m.v.gravity.kappa projects "nowhere: the energy is affine, its Hessian is zero" {
+      %0 = rel.data @m.v.gravity.numbers : tensor<1x1xf64>
       %x = rel.data @m.v.x : tensor<3x1xf64>
       %mass = rel.data @m.v.mass : tensor<1x1xf64>
-      %0, %1 = rel.apply @m.v.gravity.derive(%mass) : (tensor<1x1xf64>) -> (tensor<1x1xf64>, tensor<3x1xf64>)
-      rel.yield_derivative %0 : tensor<1x1xf64> gradient %1 : tensor<3x1xf64> wrt %x : tensor<3x1xf64>
+      %1 = rel.apply @m.v.gravity.derive_uniforms(%0) uniform : (tensor<1x1xf64>) -> tensor<1x1xf64>
+      %2, %3 = rel.apply @m.v.gravity.derive(%mass, %1) : (tensor<1x1xf64>, tensor<1x1xf64>) -> (tensor<1x1xf64>, tensor<3x1xf64>)
+      rel.yield_derivative %2 : tensor<1x1xf64> gradient %3 : tensor<3x1xf64> wrt %x : tensor<3x1xf64>
     }
-    func.func @m.v.gravity.derive(%0: f64) -> (f64, f64, f64, f64) {
-      %1 = arith.constant 0.000000e+00 : f64
-      %2 = arith.constant 9.800000e+00 : f64
-      %3 = arith.mulf %2, %0 : f64
-      func.return %1, %1, %3, %1 : f64, f64, f64, f64
+    func.func @m.v.gravity.derive_uniforms(%0: f64) -> f64 {
+      func.return %0 : f64
+    }
+    func.func @m.v.gravity.derive(%0: f64, %1: f64) -> (f64, f64, f64, f64) {
+      %2 = arith.constant 0.000000e+00 : f64
+      %3 = arith.mulf %1, %0 : f64
+      func.return %2, %2, %3, %2 : f64, f64, f64, f64
     }
   }
   rel.object @m.v.x.kappa.object entries ["call"] {

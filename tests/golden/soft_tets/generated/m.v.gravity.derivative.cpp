@@ -1,28 +1,37 @@
 // backend/kernel_prelude.h stands here
 
-static inline void derive_pack(const V* x0, V* y0, V* y1) {
-    const V t3 = splat(9.8) * x0[0];
+static inline void derive_pack(const V* x0, const V* x1, V* y0, V* y1) {
+    const V t3 = x1[0] * x0[0];
     y0[0] = splat(0.0);
     y1[0] = splat(0.0);
     y1[1] = t3;
     y1[2] = splat(0.0);
 }
 
+static inline void derive_uniforms_one(const double* x0, double* y0) {
+    y0[0] = x0[0];
+}
+
 extern "C" long yasps<m.v.gravity.derivative>_derive(Arguments a, long begin, long end, const yasps_sink* sink) {
     const double* const p0 = (const double*)a[0];
     const double* const p1 = (const double*)a[1];
+    const double* const p2 = (const double*)a[2];
+    double u0_one[1];
+    derive_uniforms_one(p0, u0_one);
+    V u0[1];
+    for (long e = 0; e < 1; ++e) u0[e] = splat(u0_one[e]);
     for (long first = begin; first < end; first += 8) {
         const long lanes = end - first < 8 ? end - first : 8;
         V r0[3];
         V r1[1];
         long at[8];
         own_offsets(first, lanes, 3, at);
-        gather(p0, at, 3, r0);
+        gather(p1, at, 3, r0);
         own_offsets(first, lanes, 1, at);
-        gather(p1, at, 1, r1);
+        gather(p2, at, 1, r1);
         (void)at;
         V energy[1], gradient[3];
-        derive_pack(r1, energy, gradient);
+        derive_pack(r1, u0, energy, gradient);
         V check = sum_of_zeros(gradient, 3) + energy[0] * 0.0;
         if (any_not_finite(check))
             for (long l = 0; l < lanes; ++l)
