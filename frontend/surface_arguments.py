@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -101,7 +102,7 @@ def ranges_of_objects(objects: Mapping[str, int] | None, vertex_count: int) -> l
     return list(zip(objects, [0, *ends[:-1]], ends, strict=True))
 
 
-def _array(values: ArrayLike, name: str) -> NDArray[np.generic]:
+def _array(values: ArrayLike, name: str) -> NDArray[Any]:
     try:
         return np.asarray(values)
     except ValueError as error:
