@@ -53,10 +53,10 @@ def minimize(scene: Scene, position: Attribute) -> int:
     for iteration in range(1, MAX_ITERATIONS + 1):
         (uphill,) = scene.minimize_energy(tolerance=1e-14)  # x of H x = g; the Newton step is -x
         before, energy = position.value, scene.total_energy()
-        if np.abs(uphill).max() < TOLERANCE:
-            return iteration
         step = 1.0
         position.update_value(before - uphill)
+        if np.abs(uphill).max() < TOLERANCE:
+            return iteration
         while scene.total_energy() > energy:
             step /= 2
             if step < 1e-12:

@@ -12,7 +12,7 @@ from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 from rich.table import Table
 
-from yasps.frontend.errors import YaspsError
+from yasps.frontend.errors import DataError, YaspsError
 
 Clock = Callable[[], float]
 
@@ -31,7 +31,7 @@ class FrameProgress:
         clock: monotonic seconds; only tests need another one.
 
     Raises:
-        ValueError: `total_frames` is negative.
+        DataError: `total_frames` is negative.
     """
 
     def __init__(
@@ -43,7 +43,7 @@ class FrameProgress:
         clock: Clock = time.monotonic,
     ) -> None:
         if total_frames < 0:
-            raise ValueError(f"total_frames is {total_frames}, but must be 0 or more.")
+            raise DataError(f"total_frames is {total_frames}, but must be 0 or more.")
         self.total_frames = total_frames
         self.title = title
         self._stream = sys.stderr if stream is None else stream

@@ -10,6 +10,7 @@ import pytest
 from collision_scenes import ONE, SCENES, TRIANGLE, box, move, potential, sheet, union
 from numpy.typing import ArrayLike
 
+from yasps import YaspsError
 from yasps.frontend.collision_geometry import CollisionGeometry, IntersectionError
 
 
@@ -105,7 +106,7 @@ def test_fixed_vertices_and_groups_never_meet_themselves() -> None:
     fixed = CollisionGeometry(points, faces, 0.1, fixed=owner < 2)
     assert not fixed.has_intersections(crossing)
     fixed.check_intersection_free(crossing)
-    with pytest.raises(ValueError, match="group 7 holds both fixed and free"):
+    with pytest.raises(YaspsError, match="group 7 holds both fixed and free"):
         CollisionGeometry(points, faces, 0.1, fixed=owner == 0, group=np.where(owner < 2, 7, -1))
 
 
@@ -123,11 +124,11 @@ def test_candidates_of_a_motion_serve_every_step_on_it() -> None:
             assert (pairs.weight == reused.kinds()[kind].weight).all()
     assert geometry.step_bound(start, end, candidates) == geometry.step_bound(start, end)
     beyond = start + 1.01 * (end - start)
-    with pytest.raises(ValueError, match=r"outside the motion .*call candidates"):
+    with pytest.raises(YaspsError, match=r"outside the motion .*call candidates"):
         geometry.active_set(beyond, candidates)
-    with pytest.raises(ValueError, match=r"end: .*outside the motion"):
+    with pytest.raises(YaspsError, match=r"end: .*outside the motion"):
         geometry.step_bound(start, beyond, candidates)
-    with pytest.raises(ValueError, match="made for distance 0, but"):
+    with pytest.raises(YaspsError, match="made for distance 0, but"):
         geometry.active_set(start, geometry.candidates(start, end, distance=0.0))
 
 
@@ -197,30 +198,30 @@ def test_wrong_input_is_named() -> None:
     bad = TRIANGLE.copy()
     bad[1, 2] = np.nan
     for call in (geometry.has_intersections, geometry.active_set, geometry.candidates):
-        with pytest.raises(ValueError, match="1 vertices are NaN or infinite, first vertex 1"):
+        with pytest.raises(YaspsError, match="1 vertices are NaN or infinite, first vertex 1"):
             call(bad)
-        with pytest.raises(ValueError, match=r"shape \[3, 3\].*got \[2, 3\]"):
+        with pytest.raises(YaspsError, match=r"shape \[3, 3\].*got \[2, 3\]"):
             call(TRIANGLE[:2])
-    with pytest.raises(ValueError, match="end: 1 vertices are NaN"):
+    with pytest.raises(YaspsError, match="end: 1 vertices are NaN"):
         geometry.step_bound(TRIANGLE, bad)
-    with pytest.raises(ValueError, match=r"rest_positions must have shape \[n, 3\]"):
+    with pytest.raises(YaspsError, match=r"rest_positions must have shape \[n, 3\]"):
         CollisionGeometry(TRIANGLE[:, :2], ONE, 0.1)
-    with pytest.raises(ValueError, match="ids from 0 to 2, got 0 to 3"):
+    with pytest.raises(YaspsError, match="ids from 0 to 2, got 0 to 3"):
         CollisionGeometry(TRIANGLE, [[0, 1, 3]], 0.1)
-    with pytest.raises(ValueError, match="row 0 names a vertex twice"):
+    with pytest.raises(YaspsError, match="row 0 names a vertex twice"):
         CollisionGeometry(TRIANGLE, [[0, 1, 1]], 0.1)
-    with pytest.raises(ValueError, match=r"triangles must have shape \[m, 3\]"):
+    with pytest.raises(YaspsError, match=r"triangles must have shape \[m, 3\]"):
         CollisionGeometry(TRIANGLE, [[0, 1]], 0.1)
-    with pytest.raises(ValueError, match="integer vertex ids"):
+    with pytest.raises(YaspsError, match="integer vertex ids"):
         CollisionGeometry(TRIANGLE, [[0.0, 1.0, 2.0]], 0.1)
-    with pytest.raises(ValueError, match="activation_distance must be positive"):
+    with pytest.raises(YaspsError, match="activation_distance must be positive"):
         CollisionGeometry(TRIANGLE, ONE, 0.0)
-    with pytest.raises(ValueError, match="which sum to 3"):
+    with pytest.raises(YaspsError, match="which sum to 3"):
         CollisionGeometry(TRIANGLE, ONE, 0.1, objects={"cloth": 4})
-    with pytest.raises(ValueError, match=r"fixed must be bool \[3\]"):
+    with pytest.raises(YaspsError, match=r"fixed must be bool \[3\]"):
         CollisionGeometry(TRIANGLE, ONE, 0.1, fixed=[0, 1, 0])
     other = CollisionGeometry(*sheet(2), 0.1)
-    with pytest.raises(ValueError, match="another CollisionGeometry"):
+    with pytest.raises(YaspsError, match="another CollisionGeometry"):
         geometry.active_set(TRIANGLE, other.candidates(sheet(2)[0]))
 
 

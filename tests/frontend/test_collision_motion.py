@@ -10,6 +10,7 @@ import pytest
 from collision_scenes import SCENES, Floats, box, move, potential, sheet, union
 from numpy.typing import NDArray
 
+from yasps import YaspsError
 from yasps.frontend.collision_geometry import CollisionGeometry
 from yasps.runtime.library import load_runtime
 from yasps.runtime.surface_pairs import SurfacePairs
@@ -122,7 +123,7 @@ def test_leaving_the_margin_is_noticed_at_each_vertex() -> None:
             there[vertex] += share * 0.1 * across / np.linalg.norm(across)
             assert geometry.covers(candidates, there) is covered
             if not covered:
-                with pytest.raises(ValueError, match="outside the motion"):
+                with pytest.raises(YaspsError, match="outside the motion"):
                     geometry.active_set(there, candidates)
 
 

@@ -177,6 +177,38 @@ def test_a_way_that_passes_near_many_things_is_free() -> None:
         geometry.check_way(points @ turned, (points + way) @ turned)
 
 
+def test_steps_do_not_look_at_their_own_ways_again(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Neither after flight nor in contact: what a step accepted is where the next one starts."""
+    scene = on_ground("soft", gap=2.5e-3)
+
+    def refuse(*_: object) -> None:
+        raise AssertionError("nothing was moved from outside")
+
+    monkeypatch.setattr(CollisionGeometry, "check_way", refuse)
+    contacts = [scene.step().contacts for _ in range(4)]
+    assert contacts[0] == 0 < contacts[-1]
+    scene.still.update_value(raised(scene.still.value, 1e-9))
+    with pytest.raises(AssertionError, match="nothing was moved"):
+        scene.step()
+
+
+@pytest.mark.parametrize(
+    ("gap", "before", "down", "up"), [(0.75, 0.0, 0.45, 0.45), (2.5, 0.0, 3.0, 0.0), (0.75, 0.6, 0.3, 0.0)]
+)
+def test_short_ways_are_bounded_where_they_must_be(gap: float, before: float, down: float, up: float) -> None:
+    """In activation distances: both sides move; nothing is close yet; the way starts elsewhere than the close pairs."""
+    scene = on_ground("soft", gap=gap * DISTANCE)
+    start = scene.contact.positions()
+    cube = slice(0, len(CUBE.vertices))
+    start[cube, 2] -= before * DISTANCE
+    end = start.copy()
+    end[cube, 2] -= down * DISTANCE
+    end[-4:, 2] += up * DISTANCE
+    step, _ = scene.contact.free_step(start, end)
+    assert step == pytest.approx(scene.contact.geometry.step_bound(start, end), rel=1e-6)
+    assert step < 1.0
+
+
 # -- rest positions ------------------------------------------------------------------------------------------
 
 

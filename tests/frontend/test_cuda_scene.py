@@ -68,6 +68,10 @@ def test_results_are_those_of_the_processor_and_of_the_interpreter(device: HostD
     assert_close(hessian(scene), matrix)
     assert scene.total_energy() == pytest.approx(interpreter.total_energy(), rel=TOLERANCE)
 
+    on_cpu = reference.compile()
+    for unknown in range(len(gradient)):
+        assert compiled.changing_energies_at(unknown) == on_cpu.changing_energies_at(unknown)
+
     wanted, found = reference.solve(SOLVED), scene.solve(SOLVED)
     assert wanted.report.converged
     assert found.report.converged

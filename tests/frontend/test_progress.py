@@ -5,6 +5,7 @@ import re
 
 import pytest
 
+from yasps.frontend.errors import DataError
 from yasps.frontend.progress import FrameProgress, TimeTable, TimeTableError
 
 
@@ -71,7 +72,7 @@ def test_progress_goes_to_stderr(capsys):
 
 
 def test_negative_number_of_frames_is_refused():
-    with pytest.raises(ValueError, match="-1"):
+    with pytest.raises(DataError, match="-1"):
         FrameProgress(-1)
 
 
