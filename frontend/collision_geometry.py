@@ -203,7 +203,7 @@ class CollisionGeometry:
         touching = 4 * _ROUNDING * float(np.abs(first).max(initial=1e-300))
         step = self._surface.step_bound(first, last, touching, candidates.pairs)
         if step is None:
-            self._raise_touching(self._closer_than(2 * touching, first, candidates))
+            self._raise_touching(self._closer_than(2 * touching, first, candidates), touching)
         return step
 
     # --- helpers ---
@@ -267,12 +267,12 @@ class CollisionGeometry:
                 found.append((self._full_id[edge].tolist(), self._full_id[face].tolist()))
         return sorted(found)
 
-    def _raise_touching(self, touching: ActiveSet) -> Never:
+    def _raise_touching(self, touching: ActiveSet, rounding: float) -> Never:
         kind, pairs = next((kind, pairs) for kind, pairs in touching.kinds().items() if len(pairs) > 0)
         raise IntersectionError(
-            f"start: {len(touching)} pairs touch (distance zero); first, a {kind.replace('_', ' ')} pair:"
-            f" {self._names(pairs.vertices[0].tolist())}. No step can be bounded from there: start with a gap"
-            " between the objects"
+            f"start: {len(touching)} pairs touch (closer than positions are rounded, {rounding:.1g}); first, a"
+            f" {kind.replace('_', ' ')} pair: {self._names(pairs.vertices[0].tolist())}. No step can be bounded from"
+            " there: start with a gap between the objects"
         )
 
     def _name(self, vertex: int) -> str:
