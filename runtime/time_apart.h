@@ -182,8 +182,8 @@ struct Separation {
 };
 
 // A time in [0, latest] up to which a pair keeps a tenth of its distance, which it nearly has then; or infinite.
-// closest: its closest features at the start.
-inline double time_apart(MovingPair pair, Closest closest, double latest) {
+// closest: its closest features at the start. The pair's numbers are then relative to a vertex and to the mean motion.
+inline double time_apart(MovingPair& pair, Closest closest, double latest) {
     constexpr double kKept = 0.1, kNearly = 1.01 * kKept;
     constexpr int kMostSteps = 64;     // most pairs take one or two
     constexpr double kLargest = 1e30;  // products below do not overflow
