@@ -247,7 +247,7 @@ class CollisionGeometry(Uncopied):
         touching = 4 * _ROUNDING * float(np.abs(start).max(initial=1e-300))
         step = self._surface.step_bound(start, end, touching, pairs)
         if step is None:
-            self._raise_touching(self._distances(2 * touching, start, pairs))
+            self._raise_touching(self._distances(2 * touching, start, pairs), touching)
         return step
 
     def _nearest(self, positions: Floats, pairs: SurfacePairs) -> SurfacePairs:
@@ -332,12 +332,12 @@ class CollisionGeometry(Uncopied):
                 found.append((self._full_id[edge].tolist(), self._full_id[face].tolist()))
         return sorted(found)
 
-    def _raise_touching(self, touching: ActiveSet) -> Never:
+    def _raise_touching(self, touching: ActiveSet, rounding: float) -> Never:
         kind, pairs = next((kind, pairs) for kind, pairs in touching.kinds().items() if len(pairs) > 0)
         raise IntersectionError(
-            f"start: {len(touching)} pairs touch (distance zero); first, a {kind.replace('_', ' ')} pair:"
-            f" {self._names(pairs.vertices[0].tolist())}. No step can be bounded from there: start with a gap"
-            " between the objects"
+            f"start: {len(touching)} pairs touch (closer than positions are rounded, {rounding:.1g}); first, a"
+            f" {kind.replace('_', ' ')} pair: {self._names(pairs.vertices[0].tolist())}. No step can be bounded from"
+            " there: start with a gap between the objects"
         )
 
     def _name(self, vertex: int) -> str:

@@ -131,8 +131,8 @@ void yasps_close_pairs(const double* positions, const double* rest, double reach
     *nearest = least;
 }
 
-// The largest step in [0, 1] from start towards end before any of the pairs has used up all but a tenth of its
-// distance; -1 if one is within `touching` at the start.
+// The largest step in [0, 1] from start towards end at which every pair still has a tenth of its distance, to 1 %; -1
+// if one is within `touching` at the start.
 double yasps_step_bound(const double* start, const double* end, double touching, const int* edge_edge, long edge_count,
                         const int* vertex_triangle, long triangle_count) {
     const Point *const from = reinterpret_cast<const Point*>(start), *const to = reinterpret_cast<const Point*>(end);

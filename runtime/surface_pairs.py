@@ -131,8 +131,8 @@ class Surface(Uncopied):
         return kinds, float(np.sqrt(squared.value))
 
     def step_bound(self, start: FloatArray, end: FloatArray, touching: float, pairs: SurfacePairs) -> float | None:
-        """The largest step in [0, 1] from start straight towards end before any pair has used up nine tenths of its
-        distance; None if one is within `touching` at the start."""
+        """The largest step in [0, 1] from start straight towards end at which every pair still has a tenth of its
+        distance, to 1 %; None if one is within `touching` at the start."""
         step = float(
             self._runtime.library.yasps_step_bound(start.ctypes.data, end.ctypes.data, touching, *_addresses(pairs))
         )

@@ -1,11 +1,11 @@
 // How long two pieces that move straight stay apart: continuous collision detection by separating directions.
 //
-// For any direction n, two pieces are at least min over their vertices a, b of n . (b - a) / |n| apart. Here n is that
-// of the shortest way between them, and may turn with an edge or a triangle, n(t) = n0 + n1 t + n2 t^2. Then n . (b -
-// a) is a cubic for each two vertices, and the first time at which one of them reaches a wanted distance is a time up
-// to which the pieces are farther apart than that. Where they come closer along n, this is Newton's method for the
-// distance, from the safe side; where they slide past each other along n, or turn about a place where they nearly
-// touch, there is no such time, however small the gap.
+// Along any direction n, two pieces are apart by the smallest n . w / |n| of all ways w from a vertex of the first to
+// one of the second. Here n is that of the shortest way between the pieces, and may turn with an edge or a triangle:
+// n(t) = n0 + n1 t + n2 t^2. Then each n . w is a cubic, and the first time at which one reaches a wanted distance is a
+// time up to which the pieces are farther apart than that. Where they come closer along n, this is Newton's method for
+// the distance, from the safe side; where they slide past each other, or turn about a place where they nearly touch,
+// there is no such time, however small the gap.
 #pragma once
 
 #include <algorithm>
@@ -182,21 +182,21 @@ struct Separation {
 };
 
 // A time in [0, latest] up to which a pair keeps a tenth of its distance, which it nearly has then; or infinite.
-// closest: its closest features at the start.
-inline double time_apart(MovingPair pair, Closest closest, double latest) {
+// closest: its closest features at the start. The pair's numbers are then relative to a vertex and to the mean motion.
+inline double time_apart(MovingPair& pair, Closest closest, double latest) {
     constexpr double kKept = 0.1, kNearly = 1.01 * kKept;
     constexpr int kMostSteps = 64;     // most pairs take one or two
     constexpr double kLargest = 1e30;  // products below do not overflow
     const Point mean = 0.25 * ((pair.move[0] + pair.move[1]) + (pair.move[2] + pair.move[3]));
     for (Point& move : pair.move) move = move - mean;  // moving together changes no distance
-    const double distance = sqrt(closest.squared), speed = pair.speed();
-    if (latest * speed < (1 - kKept) * distance) return INFINITY;
-    const Point origin = pair.at[0];  // so that numbers are as small as the pair
+    const Point origin = pair.at[0];                   // so that numbers are as small as the pair
     double size = 0;
     for (Point& at : pair.at) at = at - origin, size = std::max(size, square(at));
     size = sqrt(size);
-    const double keep = kKept * distance, near = kNearly * kNearly * closest.squared;
+    const double distance = sqrt(closest.squared), keep = kKept * distance, speed = pair.speed();
     const double numbers = speed + sqrt(square(mean));  // that the moves are differences of
+    if (latest * speed + Separation::kRounding * (size + latest * numbers) < distance - keep) return INFINITY;
+    const double near = kNearly * kNearly * closest.squared;
     if (!(numbers < kLargest && size < kLargest)) return 0;
     Point p[4];
     std::copy_n(pair.at, 4, p);

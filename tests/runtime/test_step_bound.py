@@ -193,12 +193,14 @@ def test_pairs_that_move_together_fast() -> None:
         assert together == pytest.approx(alone, rel=1e-12 / gap)
 
 
-def test_numbers_that_overflow_bound_the_step_by_nothing_wrong() -> None:
+def test_numbers_that_overflow_do_not_make_a_way_free() -> None:
     points = crossing_edges(np.random.default_rng(6), 1, 1.0, 0.1, beyond=-0.1)[0]
     for far in (1e150, 1e300):
         end = points.copy()
         end[2:] *= -far
         assert 0 <= geometry(False).step_bound(points, end) < 1
+    end[2:] = -1.7e308  # sums of two overflow
+    assert geometry(False).step_bound(points, end) == 0
 
 
 @pytest.mark.nightly
