@@ -9,15 +9,17 @@ import ctypes
 import re
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from yasps.runtime.cuda_disposal import DISPOSAL
 from yasps.runtime.cuda_report import ModuleRow
 from yasps.runtime.cuda_sources import with_includes
-from yasps.runtime.device import BLOCK, DeviceMemoryError, Kernel
+from yasps.runtime.device import BLOCK, DeviceError, DeviceMemoryError, Kernel
 from yasps.runtime.toolchain import Source, compile_sources, find_compiler, link
 
 HEADER = Path(__file__).resolve().with_name("cuda_on_host.h")
@@ -42,14 +44,16 @@ MOST_BYTES = 1 << 33
 class HostMemory:
     """Memory, filled with a value nobody should read."""
 
-    def __init__(self, device: HostDevice, size: int) -> None:
-        self._device, self.size = device, size
+    def __init__(self, device: HostDevice, size: int, purpose: str) -> None:
+        self.size, self.purpose = size, purpose
         self._array = np.full(size + 256, 0xFF, np.uint8)  # as double: NaN
         self.address = (self._array.ctypes.data + 255) // 256 * 256
+        self._device = device
         device.used += size
 
     def __del__(self) -> None:
-        self._device.used -= self.size
+        if hasattr(self, "_device"):
+            DISPOSAL.give_up(partial(self._device.free, self.size, self.purpose))
 
 
 @dataclass(frozen=True)
@@ -79,7 +83,11 @@ class HostGraph:
 
 
 class HostDevice:
-    """Implements `yasps.runtime.device.Device`."""
+    """Implements `yasps.runtime.device.Device`.
+
+    While a graph is recorded it refuses what CUDA refuses: every call that gives or takes memory, waits, compiles, or
+    reads and writes memory of the host. Sorts and sums need memory of their own. It raises DeviceError.
+    """
 
     name = "the host, as a device"
     architecture = "sm_90"
@@ -94,13 +102,25 @@ class HostDevice:
         self.used, self.most_bytes = 0, most_bytes
         self.backwards, self.flags = backwards, tuple(flags)
         self._recording: HostGraph | None = None
+        self._freed_while_recording: list[str] = []
         self.launches: list[str] = []
         """Names of the kernels launched, for tests."""
 
+    def _check_not_recording(self, call: str) -> None:
+        if self._recording is not None:
+            raise DeviceError(f"{call} was called while a graph was recorded, which CUDA refuses")
+
     def allocate(self, size: int, purpose: str) -> HostMemory:
+        self._check_not_recording(f"allocate ({purpose})")
         if self.used + size > self.most_bytes:
             raise DeviceMemoryError(f"{purpose} needs {size} bytes, but only {self.most_bytes - self.used} are free")
-        return HostMemory(self, size)
+        return HostMemory(self, size, purpose)
+
+    def free(self, size: int, purpose: str) -> None:
+        """Of an object that went; who lets it go can be told nothing, so `record` raises what there is to say."""
+        self.used -= size
+        if self._recording is not None:
+            self._freed_while_recording.append(purpose)
 
     def holds(self, address: int) -> bool:
         """Nobody can tell."""
@@ -114,12 +134,12 @@ class HostDevice:
 
     def upload(self, array: NDArray[Any], address: int) -> None:
         assert array.flags.c_contiguous
-        assert self._recording is None, "a graph has no uploads"
+        self._check_not_recording("upload, a copy of memory of the host,")
         ctypes.memmove(address, array.ctypes.data, array.nbytes)
 
     def download(self, address: int, array: NDArray[Any]) -> None:
         assert array.flags.c_contiguous
-        assert self._recording is None, "a graph has no downloads"
+        self._check_not_recording("download, which waits,")
         ctypes.memmove(array.ctypes.data, address, array.nbytes)
 
     def copy(self, source: int, address: int, size: int) -> None:
@@ -130,6 +150,7 @@ class HostDevice:
 
     def load(self, modules: Sequence[Source | str], runtime: Sequence[Source | str] = ()) -> HostProgram:
         """A program of these files of device code; a plain text can include runtime/cuda's."""
+        self._check_not_recording("load")
         return HostProgram(ctypes.CDLL(str(build([*modules, *runtime], self.flags))))
 
     def launch(self, kernel: Kernel, threads: int, arguments: Sequence[int | float], *, block: int = BLOCK) -> None:
@@ -147,37 +168,41 @@ class HostDevice:
         self._do(run)
 
     def record(self, work: Callable[[], None]) -> HostGraph:
-        graph = self._recording = HostGraph()
-        try:
-            work()
-        finally:
-            self._recording = None
+        self._check_not_recording("record")
+        with DISPOSAL.recording():
+            graph = self._recording = HostGraph()
+            try:
+                work()
+            finally:
+                self._recording = None
+                freed, self._freed_while_recording = self._freed_while_recording, []
+        if freed:
+            raise DeviceError(f"memory was freed while a graph was recorded, which CUDA refuses: {', '.join(freed)}")
         return graph
 
     def sort_pairs(self, keys: tuple[int, int], values: tuple[int, int], count: int, bits: int) -> None:
-        def run() -> None:
-            source = _view(keys[0], count, ctypes.c_uint64)
-            order = np.argsort(source & np.uint64((1 << bits) - 1), kind="stable")
-            _view(keys[1], count, ctypes.c_uint64)[:] = source[order]
-            _view(values[1], count, ctypes.c_uint32)[:] = _view(values[0], count, ctypes.c_uint32)[order]
-
-        self._do(run)
+        self._check_not_recording("sort_pairs")
+        source = _view(keys[0], count, ctypes.c_uint64)
+        order = np.argsort(source & np.uint64((1 << bits) - 1), kind="stable")
+        _view(keys[1], count, ctypes.c_uint64)[:] = source[order]
+        _view(values[1], count, ctypes.c_uint32)[:] = _view(values[0], count, ctypes.c_uint32)[order]
 
     def exclusive_sum(self, source: int, address: int, count: int) -> None:
-        def run() -> None:
-            numbers = _view(source, count, ctypes.c_int64)
-            _view(address, count, ctypes.c_int64)[:] = np.cumsum(numbers) - numbers
-
-        self._do(run)
+        self._check_not_recording("exclusive_sum")
+        numbers = _view(source, count, ctypes.c_int64)
+        _view(address, count, ctypes.c_int64)[:] = np.cumsum(numbers) - numbers
 
     def wait_for(self, stream: int) -> None:
         """There is one thread and no stream."""
+        self._check_not_recording("wait_for")
 
     def wait_for_all(self) -> None:
         """As `wait_for`."""
+        self._check_not_recording("wait_for_all")
 
     def synchronize(self) -> None:
         """Everything is done when it is asked for."""
+        self._check_not_recording("synchronize")
 
 
 def _view(address: int, count: int, c_type: Any) -> NDArray[Any]:
