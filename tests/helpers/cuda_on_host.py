@@ -1,6 +1,7 @@
 """A device made of the host: the text of device code, compiled by the C++ compiler and run as loops and fibers.
 
-So indexing, arithmetic and scatter of all kernels are executed where there is no GPU. Races and memory models are not.
+So indexing, arithmetic and scatter of all kernels are executed where there is no GPU, and their races are found if that
+is asked for. Memory models of devices are not what is executed.
 """
 
 from __future__ import annotations
@@ -14,7 +15,9 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import race_detector
 from numpy.typing import NDArray
+from race_detector import Barrier
 
 from yasps.runtime.cuda_disposal import DISPOSAL
 from yasps.runtime.cuda_report import ModuleRow
@@ -37,6 +40,7 @@ _BOUNDS = r"__launch_bounds__\([\w, ]+\)"
 _KERNEL = re.compile(rf'extern "C" __global__ (?:void (?:{_BOUNDS}\s)?\s*|{_BOUNDS} void )(\w+)\(([^)]*)\)\s*\{{')
 _WAITS = re.compile(r"__sync|_sync\(")
 """Where threads wait for others of their warp or block."""
+_PART_OF_A_WARP = re.compile(r"(?:_sync|__syncwarp)\((?!~0u|\))")
 MOST_BYTES = 1 << 33
 """Where this device says that its memory is used up."""
 
@@ -45,21 +49,22 @@ class HostMemory:
     """Memory, filled with a value nobody should read."""
 
     def __init__(self, device: HostDevice, size: int, purpose: str) -> None:
-        self.size, self.purpose = size, purpose
+        self.size = size
         self._array = np.full(size + 256, 0xFF, np.uint8)  # as double: NaN
         self.address = (self._array.ctypes.data + 255) // 256 * 256
         self._device = device
-        device.used += size
+        device.allocations[self.address] = size, purpose
 
     def __del__(self) -> None:
         if hasattr(self, "_device"):
-            DISPOSAL.give_up(partial(self._device.free, self.size, self.purpose))
+            DISPOSAL.give_up(partial(self._device.free, self.address))
 
 
 @dataclass(frozen=True)
 class HostKernel:
     name: str
     function: Any
+    library: ctypes.CDLL
 
 
 class HostProgram:
@@ -68,7 +73,7 @@ class HostProgram:
 
     def kernel(self, name: str) -> HostKernel:
         try:
-            return HostKernel(name, getattr(self._library, f"{name}_launch"))
+            return HostKernel(name, getattr(self._library, f"{name}_launch"), self._library)
         except AttributeError as error:
             raise KeyError(name) from error
 
@@ -94,17 +99,34 @@ class HostDevice:
     stream_address = 0
     multiprocessors = 4
 
-    def __init__(self, most_bytes: int = MOST_BYTES, *, backwards: bool = False, flags: Sequence[str] = FLAGS) -> None:
+    def __init__(
+        self,
+        most_bytes: int = MOST_BYTES,
+        *,
+        backwards: bool = False,
+        flags: Sequence[str] = FLAGS,
+        find_races: bool = False,
+        left_out: Barrier | None = None,
+    ) -> None:
         """backwards: the last thread runs first, so that sums whose order is left to the device come out otherwise.
 
-        flags: of the C++ compiler, for generated code.
+        flags: of the C++ compiler, for generated code. find_races: a launch that has a race raises DataRaceError; it
+        takes about ten times as long. left_out: a barrier that its launches do without.
         """
-        self.used, self.most_bytes = 0, most_bytes
+        self.most_bytes = most_bytes
+        self.allocations: dict[int, tuple[int, str]] = {}
+        """Size and purpose by address."""
         self.backwards, self.flags = backwards, tuple(flags)
+        self.find_races, self.left_out = find_races, left_out
         self._recording: HostGraph | None = None
         self._freed_while_recording: list[str] = []
         self.launches: list[str] = []
         """Names of the kernels launched, for tests."""
+
+    @property
+    def used(self) -> int:
+        """Bytes."""
+        return sum(size for size, _ in self.allocations.values())
 
     def _check_not_recording(self, call: str) -> None:
         if self._recording is not None:
@@ -116,9 +138,9 @@ class HostDevice:
             raise DeviceMemoryError(f"{purpose} needs {size} bytes, but only {self.most_bytes - self.used} are free")
         return HostMemory(self, size, purpose)
 
-    def free(self, size: int, purpose: str) -> None:
+    def free(self, address: int) -> None:
         """Of an object that went; who lets it go can be told nothing, so `record` raises what there is to say."""
-        self.used -= size
+        _, purpose = self.allocations.pop(address)
         if self._recording is not None:
             self._freed_while_recording.append(purpose)
 
@@ -151,7 +173,7 @@ class HostDevice:
     def load(self, modules: Sequence[Source | str], runtime: Sequence[Source | str] = ()) -> HostProgram:
         """A program of these files of device code; a plain text can include runtime/cuda's."""
         self._check_not_recording("load")
-        return HostProgram(ctypes.CDLL(str(build([*modules, *runtime], self.flags))))
+        return HostProgram(ctypes.CDLL(str(build([*modules, *runtime], self.flags, find_races=self.find_races))))
 
     def launch(self, kernel: Kernel, threads: int, arguments: Sequence[int | float], *, block: int = BLOCK) -> None:
         if threads <= 0:
@@ -163,7 +185,11 @@ class HostDevice:
         def run() -> None:
             pointers = (ctypes.c_void_p * max(1, len(numbers)))(*(ctypes.addressof(number) for number in numbers))
             self.launches.append(kernel.name)
+            if self.find_races:
+                race_detector.begin(kernel.library, self.left_out)
             kernel.function(ctypes.c_uint(grid), ctypes.c_uint(block), pointers, ctypes.c_bool(self.backwards))
+            if self.find_races:
+                race_detector.end(kernel.library, kernel.name, self.allocations)
 
         self._do(run)
 
@@ -209,7 +235,7 @@ def _view(address: int, count: int, c_type: Any) -> NDArray[Any]:
     return np.ctypeslib.as_array((c_type * count).from_address(address)) if count else np.zeros(0, c_type)
 
 
-def build(texts: Sequence[Source | str], flags: Sequence[str] = FLAGS) -> Path:
+def build(texts: Sequence[Source | str], flags: Sequence[str] = FLAGS, *, find_races: bool = False) -> Path:
     """A shared library of these files of device code; every kernel X gets a function X_launch.
 
     Files whose threads do not wait for each other, as generated ones, are compiled as one, each in a namespace: a scene
@@ -222,7 +248,11 @@ def build(texts: Sequence[Source | str], flags: Sequence[str] = FLAGS) -> Path:
     plain = [item for item in wholes if not _WAITS.search(item.text)]
     if plain:
         sources.append(Source("on_host", on_host(plain, fibers=False)))
-    objects = compile_sources(sources, compiler)
+    if find_races:
+        objects = compile_sources(sources, compiler.with_flags(*race_detector.FLAGS))
+        objects += race_detector.compile_hooks(compiler.with_flags("-O2"))
+    else:
+        objects = compile_sources(sources, compiler)
     return link(objects, compiler, ("-Wl,-Bsymbolic", "-lm")).path
 
 
@@ -233,17 +263,21 @@ def on_host(files: Sequence[Source], *, fibers: bool) -> str:
     """
     lines = ["" if fibers else "#define NO_FIBERS", HEADER.read_text(encoding="utf-8")]
     for k, file in enumerate(files):
+        if _PART_OF_A_WARP.search(file.text):
+            raise ValueError(f"{file.name}: the host knows no part of a warp; write ~0u, or no mask")
         name = re.sub(r"\W", "_", file.name)
         lines += [
             f"namespace file_{k}_{name} {{",
+            f'#line 1 "{file.name}"',
             file.text,
-            *(_launcher(*found) for found in _kernels(file.text)),
+            *(_launcher(*found) for found in kernels_of(file.text)),
             "}",
         ]
     return "\n".join(lines)
 
 
-def _kernels(text: str) -> list[tuple[str, str]]:
+def kernels_of(text: str) -> list[tuple[str, str]]:
+    """Names and parameters of the kernels in a text of device code."""
     return [(match.group(1), match.group(2)) for match in _KERNEL.finditer(text)]
 
 
@@ -252,6 +286,7 @@ def _launcher(name: str, parameters: str) -> str:
     passed = ", ".join(f"*({type_}*)a[{k}]" for k, type_ in enumerate(types))
     return (
         f"static void {name}_thread(void* given) {{ void** const a = (void**)given; (void)a; {name}({passed}); }}\n"
-        f'extern "C" void {name}_launch(unsigned grid, unsigned block, void** a, bool backwards) '
+        f'extern "C" __attribute__((visibility("default"))) '
+        f"void {name}_launch(unsigned grid, unsigned block, void** a, bool backwards) "
         f"{{ fibers::launch({name}_thread, a, grid, block, backwards); }}\n"
     )
