@@ -1,6 +1,7 @@
 """A device made of the host: the text of device code, compiled by the C++ compiler and run as loops and fibers.
 
-So indexing, arithmetic and scatter of all kernels are executed where there is no GPU. Races and memory models are not.
+So indexing, arithmetic and scatter of all kernels are executed where there is no GPU, and their races are found if that
+is asked for. Memory models of devices are not what is executed.
 """
 
 from __future__ import annotations
@@ -9,15 +10,19 @@ import ctypes
 import re
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+import race_detector
 from numpy.typing import NDArray
+from race_detector import Barrier
 
+from yasps.runtime.cuda_disposal import DISPOSAL
 from yasps.runtime.cuda_report import ModuleRow
 from yasps.runtime.cuda_sources import with_includes
-from yasps.runtime.device import BLOCK, DeviceMemoryError, Kernel
+from yasps.runtime.device import BLOCK, DeviceError, DeviceMemoryError, Kernel
 from yasps.runtime.toolchain import Source, compile_sources, find_compiler, link
 
 HEADER = Path(__file__).resolve().with_name("cuda_on_host.h")
@@ -35,6 +40,7 @@ _BOUNDS = r"__launch_bounds__\([\w, ]+\)"
 _KERNEL = re.compile(rf'extern "C" __global__ (?:void (?:{_BOUNDS}\s)?\s*|{_BOUNDS} void )(\w+)\(([^)]*)\)\s*\{{')
 _WAITS = re.compile(r"__sync|_sync\(")
 """Where threads wait for others of their warp or block."""
+_PART_OF_A_WARP = re.compile(r"(?:_sync|__syncwarp)\((?!~0u|\))")
 MOST_BYTES = 1 << 33
 """Where this device says that its memory is used up."""
 
@@ -42,20 +48,23 @@ MOST_BYTES = 1 << 33
 class HostMemory:
     """Memory, filled with a value nobody should read."""
 
-    def __init__(self, device: HostDevice, size: int) -> None:
-        self._device, self.size = device, size
+    def __init__(self, device: HostDevice, size: int, purpose: str) -> None:
+        self.size = size
         self._array = np.full(size + 256, 0xFF, np.uint8)  # as double: NaN
         self.address = (self._array.ctypes.data + 255) // 256 * 256
-        device.used += size
+        self._device = device
+        device.allocations[self.address] = size, purpose
 
     def __del__(self) -> None:
-        self._device.used -= self.size
+        if hasattr(self, "_device"):
+            DISPOSAL.give_up(partial(self._device.free, self.address))
 
 
 @dataclass(frozen=True)
 class HostKernel:
     name: str
     function: Any
+    library: ctypes.CDLL
 
 
 class HostProgram:
@@ -64,7 +73,7 @@ class HostProgram:
 
     def kernel(self, name: str) -> HostKernel:
         try:
-            return HostKernel(name, getattr(self._library, f"{name}_launch"))
+            return HostKernel(name, getattr(self._library, f"{name}_launch"), self._library)
         except AttributeError as error:
             raise KeyError(name) from error
 
@@ -79,28 +88,61 @@ class HostGraph:
 
 
 class HostDevice:
-    """Implements `yasps.runtime.device.Device`."""
+    """Implements `yasps.runtime.device.Device`.
+
+    While a graph is recorded it refuses what CUDA refuses: every call that gives or takes memory, waits, compiles, or
+    reads and writes memory of the host. Sorts and sums need memory of their own. It raises DeviceError.
+    """
 
     name = "the host, as a device"
     architecture = "sm_90"
     stream_address = 0
     multiprocessors = 4
 
-    def __init__(self, most_bytes: int = MOST_BYTES, *, backwards: bool = False, flags: Sequence[str] = FLAGS) -> None:
+    def __init__(
+        self,
+        most_bytes: int = MOST_BYTES,
+        *,
+        backwards: bool = False,
+        flags: Sequence[str] = FLAGS,
+        find_races: bool = False,
+        left_out: Barrier | None = None,
+    ) -> None:
         """backwards: the last thread runs first, so that sums whose order is left to the device come out otherwise.
 
-        flags: of the C++ compiler, for generated code.
+        flags: of the C++ compiler, for generated code. find_races: a launch that has a race raises DataRaceError; it
+        takes about ten times as long. left_out: a barrier that its launches do without.
         """
-        self.used, self.most_bytes = 0, most_bytes
+        self.most_bytes = most_bytes
+        self.allocations: dict[int, tuple[int, str]] = {}
+        """Size and purpose by address."""
         self.backwards, self.flags = backwards, tuple(flags)
+        self.find_races, self.left_out = find_races, left_out
         self._recording: HostGraph | None = None
+        self._freed_while_recording: list[str] = []
         self.launches: list[str] = []
         """Names of the kernels launched, for tests."""
 
+    @property
+    def used(self) -> int:
+        """Bytes."""
+        return sum(size for size, _ in self.allocations.values())
+
+    def _check_not_recording(self, call: str) -> None:
+        if self._recording is not None:
+            raise DeviceError(f"{call} was called while a graph was recorded, which CUDA refuses")
+
     def allocate(self, size: int, purpose: str) -> HostMemory:
+        self._check_not_recording(f"allocate ({purpose})")
         if self.used + size > self.most_bytes:
             raise DeviceMemoryError(f"{purpose} needs {size} bytes, but only {self.most_bytes - self.used} are free")
-        return HostMemory(self, size)
+        return HostMemory(self, size, purpose)
+
+    def free(self, address: int) -> None:
+        """Of an object that went; who lets it go can be told nothing, so `record` raises what there is to say."""
+        _, purpose = self.allocations.pop(address)
+        if self._recording is not None:
+            self._freed_while_recording.append(purpose)
 
     def holds(self, address: int) -> bool:
         """Nobody can tell."""
@@ -114,12 +156,12 @@ class HostDevice:
 
     def upload(self, array: NDArray[Any], address: int) -> None:
         assert array.flags.c_contiguous
-        assert self._recording is None, "a graph has no uploads"
+        self._check_not_recording("upload, a copy of memory of the host,")
         ctypes.memmove(address, array.ctypes.data, array.nbytes)
 
     def download(self, address: int, array: NDArray[Any]) -> None:
         assert array.flags.c_contiguous
-        assert self._recording is None, "a graph has no downloads"
+        self._check_not_recording("download, which waits,")
         ctypes.memmove(array.ctypes.data, address, array.nbytes)
 
     def copy(self, source: int, address: int, size: int) -> None:
@@ -130,7 +172,8 @@ class HostDevice:
 
     def load(self, modules: Sequence[Source | str], runtime: Sequence[Source | str] = ()) -> HostProgram:
         """A program of these files of device code; a plain text can include runtime/cuda's."""
-        return HostProgram(ctypes.CDLL(str(build([*modules, *runtime], self.flags))))
+        self._check_not_recording("load")
+        return HostProgram(ctypes.CDLL(str(build([*modules, *runtime], self.flags, find_races=self.find_races))))
 
     def launch(self, kernel: Kernel, threads: int, arguments: Sequence[int | float], *, block: int = BLOCK) -> None:
         if threads <= 0:
@@ -142,49 +185,57 @@ class HostDevice:
         def run() -> None:
             pointers = (ctypes.c_void_p * max(1, len(numbers)))(*(ctypes.addressof(number) for number in numbers))
             self.launches.append(kernel.name)
+            if self.find_races:
+                race_detector.begin(kernel.library, self.left_out)
             kernel.function(ctypes.c_uint(grid), ctypes.c_uint(block), pointers, ctypes.c_bool(self.backwards))
+            if self.find_races:
+                race_detector.end(kernel.library, kernel.name, self.allocations)
 
         self._do(run)
 
     def record(self, work: Callable[[], None]) -> HostGraph:
-        graph = self._recording = HostGraph()
-        try:
-            work()
-        finally:
-            self._recording = None
+        self._check_not_recording("record")
+        with DISPOSAL.recording():
+            graph = self._recording = HostGraph()
+            try:
+                work()
+            finally:
+                self._recording = None
+                freed, self._freed_while_recording = self._freed_while_recording, []
+        if freed:
+            raise DeviceError(f"memory was freed while a graph was recorded, which CUDA refuses: {', '.join(freed)}")
         return graph
 
     def sort_pairs(self, keys: tuple[int, int], values: tuple[int, int], count: int, bits: int) -> None:
-        def run() -> None:
-            source = _view(keys[0], count, ctypes.c_uint64)
-            order = np.argsort(source & np.uint64((1 << bits) - 1), kind="stable")
-            _view(keys[1], count, ctypes.c_uint64)[:] = source[order]
-            _view(values[1], count, ctypes.c_uint32)[:] = _view(values[0], count, ctypes.c_uint32)[order]
-
-        self._do(run)
+        self._check_not_recording("sort_pairs")
+        source = _view(keys[0], count, ctypes.c_uint64)
+        order = np.argsort(source & np.uint64((1 << bits) - 1), kind="stable")
+        _view(keys[1], count, ctypes.c_uint64)[:] = source[order]
+        _view(values[1], count, ctypes.c_uint32)[:] = _view(values[0], count, ctypes.c_uint32)[order]
 
     def exclusive_sum(self, source: int, address: int, count: int) -> None:
-        def run() -> None:
-            numbers = _view(source, count, ctypes.c_int64)
-            _view(address, count, ctypes.c_int64)[:] = np.cumsum(numbers) - numbers
-
-        self._do(run)
+        self._check_not_recording("exclusive_sum")
+        numbers = _view(source, count, ctypes.c_int64)
+        _view(address, count, ctypes.c_int64)[:] = np.cumsum(numbers) - numbers
 
     def wait_for(self, stream: int) -> None:
         """There is one thread and no stream."""
+        self._check_not_recording("wait_for")
 
     def wait_for_all(self) -> None:
         """As `wait_for`."""
+        self._check_not_recording("wait_for_all")
 
     def synchronize(self) -> None:
         """Everything is done when it is asked for."""
+        self._check_not_recording("synchronize")
 
 
 def _view(address: int, count: int, c_type: Any) -> NDArray[Any]:
     return np.ctypeslib.as_array((c_type * count).from_address(address)) if count else np.zeros(0, c_type)
 
 
-def build(texts: Sequence[Source | str], flags: Sequence[str] = FLAGS) -> Path:
+def build(texts: Sequence[Source | str], flags: Sequence[str] = FLAGS, *, find_races: bool = False) -> Path:
     """A shared library of these files of device code; every kernel X gets a function X_launch.
 
     Files whose threads do not wait for each other, as generated ones, are compiled as one, each in a namespace: a scene
@@ -197,7 +248,11 @@ def build(texts: Sequence[Source | str], flags: Sequence[str] = FLAGS) -> Path:
     plain = [item for item in wholes if not _WAITS.search(item.text)]
     if plain:
         sources.append(Source("on_host", on_host(plain, fibers=False)))
-    objects = compile_sources(sources, compiler)
+    if find_races:
+        objects = compile_sources(sources, compiler.with_flags(*race_detector.FLAGS))
+        objects += race_detector.compile_hooks(compiler.with_flags("-O2"))
+    else:
+        objects = compile_sources(sources, compiler)
     return link(objects, compiler, ("-Wl,-Bsymbolic", "-lm")).path
 
 
@@ -208,17 +263,21 @@ def on_host(files: Sequence[Source], *, fibers: bool) -> str:
     """
     lines = ["" if fibers else "#define NO_FIBERS", HEADER.read_text(encoding="utf-8")]
     for k, file in enumerate(files):
+        if _PART_OF_A_WARP.search(file.text):
+            raise ValueError(f"{file.name}: the host knows no part of a warp; write ~0u, or no mask")
         name = re.sub(r"\W", "_", file.name)
         lines += [
             f"namespace file_{k}_{name} {{",
+            f'#line 1 "{file.name}"',
             file.text,
-            *(_launcher(*found) for found in _kernels(file.text)),
+            *(_launcher(*found) for found in kernels_of(file.text)),
             "}",
         ]
     return "\n".join(lines)
 
 
-def _kernels(text: str) -> list[tuple[str, str]]:
+def kernels_of(text: str) -> list[tuple[str, str]]:
+    """Names and parameters of the kernels in a text of device code."""
     return [(match.group(1), match.group(2)) for match in _KERNEL.finditer(text)]
 
 
@@ -227,6 +286,7 @@ def _launcher(name: str, parameters: str) -> str:
     passed = ", ".join(f"*({type_}*)a[{k}]" for k, type_ in enumerate(types))
     return (
         f"static void {name}_thread(void* given) {{ void** const a = (void**)given; (void)a; {name}({passed}); }}\n"
-        f'extern "C" void {name}_launch(unsigned grid, unsigned block, void** a, bool backwards) '
+        f'extern "C" __attribute__((visibility("default"))) '
+        f"void {name}_launch(unsigned grid, unsigned block, void** a, bool backwards) "
         f"{{ fibers::launch({name}_thread, a, grid, block, backwards); }}\n"
     )

@@ -37,9 +37,9 @@ class CountingDevice(HostDevice):
         return super().record(work)
 
 
-def load_solver_program() -> HostProgram:
-    """The kernels of the solver and of the matrices."""
-    return HostDevice().load([source for source in runtime_sources() if source.name in SOURCES])
+def load_solver_program(device: HostDevice | None = None) -> HostProgram:
+    """The kernels of the solver and of the matrices, for this device or one without options."""
+    return (device or HostDevice()).load([source for source in runtime_sources() if source.name in SOURCES])
 
 
 @dataclass
@@ -73,8 +73,8 @@ class System:
 class Maker:
     """Makes systems and solvers on one device of its own."""
 
-    def __init__(self, runtime: Runtime, program: HostProgram) -> None:
-        self.device = CountingDevice()
+    def __init__(self, runtime: Runtime, program: HostProgram, device: CountingDevice | None = None) -> None:
+        self.device = device or CountingDevice()
         self._runtime, self.program = runtime, program
 
     def solver(self, deterministic: bool = False, iterations_per_check: int = 8) -> CudaSolver:
