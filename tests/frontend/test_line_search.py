@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
+
 import numpy as np
 import pytest
 
@@ -30,7 +32,7 @@ def turning_plate(walls: list[np.ndarray], goal: float) -> tuple[Scene, BarrierC
     a = moving.add_attribute(
         "angle", through=moving.add_connectivity("of_lever", lever, np.zeros(3, int), 1), source=angle
     )
-    rest = moving.add_constant("rest", 3, 1, value=PLATE + [1.0, 0.0, 0.0])
+    rest = moving.add_constant("rest", 3, 1, value=PLATE + np.array([1.0, 0.0, 0.0]))
     turned = concat_rows([a.cos() * rest[0] - a.sin() * rest[1], a.sin() * rest[0] + a.cos() * rest[1], rest[2]])
     moving.add_attribute("position", computed_attribute=turned)
     fixed = mesh.add_primitive("fixed", 4 * len(walls))
@@ -81,8 +83,8 @@ def plate_over_ground(height: float, goal: float) -> tuple[Scene, BarrierContact
     scene = Scene("stiffened")
     mesh = scene.add_mesh("mesh")
     moving = mesh.add_primitive("moving", 3)
-    x = moving.add_attribute("position", 3, 1, value=PLATE + [0.0, 0.0, height])
-    goals = moving.add_constant("goal", 3, 1, value=PLATE + [0.0, 0.0, goal])
+    x = moving.add_attribute("position", 3, 1, value=PLATE + np.array([0.0, 0.0, height]))
+    goals = moving.add_constant("goal", 3, 1, value=PLATE + np.array([0.0, 0.0, goal]))
     offset = x - goals
     scene.add_energy(moving.add_attribute("bowl", computed_attribute=0.5 * offset.dot(offset)))
     scene.add_energy(moving.add_attribute("hill", computed_attribute=-0.45 * offset.dot(offset)))
@@ -154,7 +156,7 @@ def test_a_step_that_raises_the_energy_is_halved() -> None:
     else:
         pytest.fail("it does not converge")
     assert report.largest_velocity < 1e-8
-    assert all(after <= before * (1 + 1e-14) for before, after in zip(energies, energies[1:], strict=False))
+    assert all(after <= before * (1 + 1e-14) for before, after in pairwise(energies))
     np.testing.assert_allclose(x.value, 0.0, atol=1e-8)
 
 

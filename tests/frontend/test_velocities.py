@@ -1,4 +1,4 @@
-"""Backward Euler's velocities and positions against its recurrences, which simple systems allow to be solved by hand."""
+"""Velocities and positions of backward Euler against its recurrences, which for simple systems are solved by hand."""
 
 from __future__ import annotations
 

@@ -77,7 +77,9 @@ class Copy:
         done = self._run([sys.executable, "-c", code])
         files = [Path(line).resolve() for line in done.stdout.split()]
         if len(files) != 1 + len(PACKAGES) or not all(file.is_relative_to(self.folder.resolve()) for file in files):
-            raise RuntimeError(f"Python does not import yasps from the copy in {self.folder}: {done.stdout}{done.stderr}")
+            raise RuntimeError(
+                f"Python does not import yasps from the copy in {self.folder}: {done.stdout}{done.stderr}"
+            )
 
     def _run(self, command: Sequence[str]) -> subprocess.CompletedProcess[str]:
         return subprocess.run(
@@ -175,7 +177,10 @@ def main() -> int:
     if unknown:
         parser.error(f"there is no area {', '.join(unknown)}; there are {', '.join(AREAS)}")
     chosen = [
-        mutation for area in given.areas or AREAS for mutation in AREAS[area] if given.only.lower() in mutation.title.lower()
+        mutation
+        for area in given.areas or AREAS
+        for mutation in AREAS[area]
+        if given.only.lower() in mutation.title.lower()
     ]
     if not chosen:
         parser.error("no mutation was chosen")
