@@ -55,6 +55,7 @@ def contact_scene(free: Floats, faces: NDArray[np.int32], dhat: float) -> tuple[
         np.concatenate([faces, len(free) + np.array([[0, 1, 2]])]),
         activation_distance=dhat,
         stiffness=STIFFNESS,
+        projection="none",
         fixed=np.arange(points.num_instances) >= len(free),
     )
     scene.add_minimize_target(position)

@@ -4,20 +4,21 @@
 
 Run by hand and nightly (`pytest -m nightly tests/mutations`). The tests that the table names must pass before anything
 is broken. Every worker has a copy of the working tree; compiled code is shared by all of them and by all mutations,
-because it is kept by content: a mutation compiles what it changes. The exit status is 0 only if every mutation could be
-made and was seen.
+because it is kept by content: a mutation compiles what it changes. Tests run in processes forked from one that has
+imported other people's packages and nothing of ours. The exit status is 0 only if every mutation could be made and was
+seen.
 """
 
 from __future__ import annotations
 
 import argparse
 import compileall
+import multiprocessing
 import os
 import py_compile
 import queue
 import re
 import shutil
-import subprocess
 import sys
 import tempfile
 import time
@@ -33,8 +34,55 @@ from tables import AREAS
 
 ROOT = Path(__file__).resolve().parents[2]
 FOLDERS = ("yasps", "dialects", "passes", "frontend", "backend", "runtime", "examples", "tests", "pyproject.toml")
-PACKAGES = ("dialects", "passes", "frontend", "backend", "runtime")
-MOST_SECONDS = 600
+PRELOADED = ["numpy", "scipy.sparse", "pytest", "xdsl.dialects.arith", "xdsl.dialects.func", "ipctk"]
+MOST_SECONDS = 900
+ELSEWHERE = 99
+"""Exit status of a test process that would have tested something else than the copy."""
+
+
+def run_tests(folder: str, environment: dict[str, str], arguments: list[str], log: str) -> None:
+    """What a forked process does: runs pytest in the copy and exits with its status; output goes to the file `log`."""
+    os.chdir(folder)
+    os.environ.clear()
+    os.environ.update(environment)
+    # A changed source counts at once, however soon it was changed: see compileall below.
+    sys.dont_write_bytecode = True
+    sys.path[:] = [folder, *(entry for entry in sys.path if not Path(entry, "yasps").is_dir())]
+    with open(log, "wb", buffering=0) as file:
+        os.dup2(file.fileno(), 1)
+        os.dup2(file.fileno(), 2)
+    import pytest
+
+    import yasps
+
+    if not Path(yasps.__file__).is_relative_to(folder):
+        print(f"Python imports yasps from {yasps.__file__}, not from the copy")
+        sys.exit(ELSEWHERE)
+    sys.exit(int(pytest.main(arguments)))
+
+
+@dataclass(frozen=True)
+class Run:
+    """How a process of tests ended: pytest's status, or minus a signal; None if it had to be stopped."""
+
+    status: int | None
+    output: str
+
+    @property
+    def failed(self) -> tuple[str, ...]:
+        """Names of the tests that failed. Status 1 means that a test did; what ends otherwise has seen nothing, but for
+        a crash: kernels that read out of bounds."""
+        if self.status is not None and self.status < 0:
+            return (f"a crash by signal {-self.status}",)
+        if self.status != 1:
+            return ()
+        return tuple(dict.fromkeys(re.findall(r"^(?:FAILED|ERROR) \S+?::(\w+)", self.output, re.MULTILINE)))
+
+    @property
+    def last_line(self) -> str:
+        if self.status is None:
+            return f"stopped after {MOST_SECONDS} s"
+        return (self.output.strip().splitlines() or [f"status {self.status}"])[-1]
 
 
 @dataclass(frozen=True)
@@ -51,13 +99,12 @@ class Copy:
     """A copy of the working tree in which tests are run."""
 
     def __init__(self, folder: Path, cache: Path) -> None:
-        self.folder = folder
+        self.folder = folder.resolve()
         # What would lead Python elsewhere (PYTHONPATH), or pytest to other options, does not count here.
         kept = {k: v for k, v in os.environ.items() if not k.startswith(("PYTHON", "PYTEST", "YASPS", "COVERAGE"))}
         self.environment = {
             **kept,
-            "PYTHONPATH": str(folder),
-            # A byte code file is not valid for a changed source, however soon it was changed: see compileall below.
+            "PYTHONPATH": str(self.folder),  # for processes that tests start
             "PYTHONDONTWRITEBYTECODE": "1",
             "YASPS_HYPOTHESIS_PROFILE": "mutation",
             "YASPS_TEST_CACHE": str(cache),
@@ -69,33 +116,21 @@ class Copy:
             else:
                 shutil.copy(source, folder / name)
         compileall.compile_dir(folder, quiet=1, invalidation_mode=py_compile.PycInvalidationMode.CHECKED_HASH)
-        self._require_imports_from_here()
 
-    def _require_imports_from_here(self) -> None:
-        names = ", ".join(f"yasps.{name}" for name in PACKAGES)
-        code = f"import yasps, {names}\nfor m in (yasps, {names}): print(m.__file__)"
-        done = self._run([sys.executable, "-c", code])
-        files = [Path(line).resolve() for line in done.stdout.split()]
-        if len(files) != 1 + len(PACKAGES) or not all(file.is_relative_to(self.folder.resolve()) for file in files):
-            raise RuntimeError(
-                f"Python does not import yasps from the copy in {self.folder}: {done.stdout}{done.stderr}"
-            )
-
-    def _run(self, command: Sequence[str]) -> subprocess.CompletedProcess[str]:
-        return subprocess.run(
-            command,
-            cwd=self.folder,
-            env=self.environment,
-            capture_output=True,
-            text=True,
-            timeout=MOST_SECONDS,
-            check=False,
-        )
-
-    def test(self, tests: Sequence[str], *options: str) -> subprocess.CompletedProcess[str]:
+    def test(self, tests: Sequence[str], *options: str) -> Run:
         """Runs these tests here."""
-        fixed = ["-rf", "-p", "no:cacheprovider", "--tb=line"]
-        return self._run([sys.executable, "-m", "pytest", *fixed, *options, *tests])
+        arguments = ["-rf", "-p", "no:cacheprovider", "--tb=line", *options, *tests]
+        with tempfile.NamedTemporaryFile(dir=self.folder) as log:
+            process = FORKS.Process(
+                target=run_tests, args=(str(self.folder), self.environment, arguments, log.name), daemon=False
+            )
+            process.start()
+            process.join(MOST_SECONDS)
+            if process.exitcode is None:
+                process.kill()
+                process.join()
+                return Run(None, "")
+            return Run(process.exitcode, Path(log.name).read_text(encoding="utf-8", errors="replace"))
 
     def try_out(self, mutation: Mutation) -> Answer:
         """Makes the mistake, runs its tests and takes it back."""
@@ -105,31 +140,14 @@ class Copy:
         if text.count(mutation.right) != 1:
             return Answer(mutation, (), f"not made: the text occurs {text.count(mutation.right)} times", 0.0)
         path.write_text(text.replace(mutation.right, mutation.wrong), encoding="utf-8")
-        seen_by: tuple[str, ...] = ()
         try:
-            done = self.test(mutation.tests, "-x")
-        except subprocess.TimeoutExpired:
-            said = f"the tests did not end in {MOST_SECONDS} s"
-        else:
-            seen_by = failed_tests(done)
-            said = last_line(done)
+            run = self.test(mutation.tests, "-x")
         finally:
             path.write_text(text, encoding="utf-8")
-        return Answer(mutation, seen_by, said, time.perf_counter() - start)
+        return Answer(mutation, run.failed, run.last_line, time.perf_counter() - start)
 
 
-def failed_tests(done: subprocess.CompletedProcess[str]) -> tuple[str, ...]:
-    """Names of the tests that failed. pytest's status is 1 only if a test did: what ends otherwise was not seen."""
-    if done.returncode < 0:  # kernels that read out of bounds
-        return (f"a crash by signal {-done.returncode}",)
-    if done.returncode != 1:
-        return ()
-    return tuple(dict.fromkeys(re.findall(r"^(?:FAILED|ERROR) \S+?::(\w+)", done.stdout, re.MULTILINE)))
-
-
-def last_line(done: subprocess.CompletedProcess[str]) -> str:
-    lines = done.stdout.strip().splitlines()
-    return lines[-1] if lines else done.stderr[-300:]
+FORKS = multiprocessing.get_context("forkserver")
 
 
 def check(mutations: Sequence[Mutation], workers: int) -> int:
@@ -142,12 +160,12 @@ def check(mutations: Sequence[Mutation], workers: int) -> int:
             copies.put(Copy(Path(temporary) / f"copy{k}", cache))
         start = time.perf_counter()
         first = copies.get()
-        done = first.test(sorted({test for mutation in mutations for test in mutation.tests}))
+        unbroken = first.test(sorted({test for mutation in mutations for test in mutation.tests}))
         copies.put(first)
-        if done.returncode != 0:
-            print(done.stdout[-3000:], done.stderr[-1000:], "the tests fail before anything is broken", sep="\n")
+        if unbroken.status != 0:
+            print(unbroken.output[-4000:], "the tests fail before anything is broken", sep="\n")
             return len(mutations)
-        print(f"{last_line(done)} before anything is broken: {time.perf_counter() - start:.0f} s\n", flush=True)
+        print(f"before anything is broken: {unbroken.last_line}\n", flush=True)
 
         def try_out(mutation: Mutation) -> Answer:
             copy = copies.get()
@@ -168,6 +186,7 @@ def check(mutations: Sequence[Mutation], workers: int) -> int:
 
 
 def main() -> int:
+    FORKS.set_forkserver_preload(PRELOADED)
     parser = argparse.ArgumentParser(description="Breaks the code in one place at a time and says which test sees it.")
     parser.add_argument("areas", nargs="*", metavar="AREA", help=f"of {', '.join(AREAS)}; all if none is named")
     parser.add_argument("--workers", type=int, default=min(2, os.cpu_count() or 1), help="tests run at once")

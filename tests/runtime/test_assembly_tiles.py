@@ -26,6 +26,7 @@ extern "C" long energy(const void* const* args, long begin, long end, const yasp
     for (long i = begin; i < end; ++i) {
         const int offset = sink->kappa[i] - 1, size = sink->block_size_at[offset];
         for (int j = 0; j < size; ++j) sink->gradient[offset + j] += weight[i] * (j + 1);
+        if (!sink->tiles) continue;
         const long at = sink->position[i] >> 2;
         double* tile = sink->tiles[at >> 9];
         if (!tile) tile = sink->open_tile(sink, at >> 9);
@@ -99,3 +100,23 @@ def test_instances_of_all_chunks_are_counted_when_tiles_are_marked(runtime: Runt
         expected = np.zeros((blocks, size))
         np.add.at(expected, block, weight[:, None] * np.arange(1, size + 1))
         np.testing.assert_allclose(gradient, expected.ravel(), rtol=1e-13)
+
+
+def test_new_indices_of_a_gradient_alone_are_noticed(runtime: Runtime, library: ctypes.CDLL) -> None:
+    """Without a Hessian no placement of blocks tells that the indices are others."""
+    size, instances, blocks = 4, 8 * 16, 2 * TILE
+    weight = np.arange(1.0, instances + 1)
+    arguments = (ctypes.c_void_p * 1)(weight.ctypes.data)
+    function = ctypes.cast(library.energy, ctypes.c_void_p).value
+    assert function is not None
+    assembler = Assembler(runtime)
+    sizes = np.tile(np.array([size, 0, 0, 0], np.int32), blocks)
+    for first in (0, blocks // 2, blocks // 4):
+        block = first + np.arange(instances)
+        kappa = (size * block[:, None] + 1).astype(np.int32)
+        call = KernelCall(function, ctypes.addressof(arguments), instances, kappa, None, None)
+        gradient = np.full(size * blocks, 7.0)
+        assembler.assemble([call], [], gradient, sizes, 2)
+        expected = np.zeros((blocks, size))
+        expected[block] = weight[:, None] * np.arange(1, size + 1)
+        np.testing.assert_array_equal(gradient, expected.ravel())
