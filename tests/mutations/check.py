@@ -4,9 +4,9 @@
 
 Run by hand and nightly (`pytest -m nightly tests/mutations`). The tests that the table names must pass before anything
 is broken. Every worker has a copy of the working tree; compiled code is shared by all of them and by all mutations,
-because it is kept by content: a mutation compiles what it changes. Tests run in processes forked from one that has
-imported other people's packages and nothing of ours. The exit status is 0 only if every mutation could be made and was
-seen.
+because it is kept by content: a mutation compiles what it changes. YASPS_TEST_CACHE names a folder for it that shall
+outlast the run. Tests run in processes forked from one that has imported other people's packages and nothing of ours.
+The exit status is 0 only if every mutation could be made and was seen.
 """
 
 from __future__ import annotations
@@ -33,7 +33,18 @@ from mutation import Mutation
 from tables import AREAS
 
 ROOT = Path(__file__).resolve().parents[2]
-FOLDERS = ("yasps", "dialects", "passes", "frontend", "backend", "runtime", "examples", "tests", "pyproject.toml")
+FOLDERS = (
+    "yasps",
+    "dialects",
+    "passes",
+    "frontend",
+    "backend",
+    "runtime",
+    "examples",
+    "benchmarks",
+    "tests",
+    "pyproject.toml",
+)
 PRELOADED = ["numpy", "scipy.sparse", "pytest", "xdsl.dialects.arith", "xdsl.dialects.func", "ipctk"]
 MOST_SECONDS = 900
 ELSEWHERE = 99
@@ -154,7 +165,7 @@ def check(mutations: Sequence[Mutation], workers: int) -> int:
     """Tries them all and prints a table; returns how many were not seen."""
     unseen = 0
     with tempfile.TemporaryDirectory(prefix="yasps-mutations-") as temporary:
-        cache = Path(temporary) / "compiled-code"
+        cache = Path(os.environ.get("YASPS_TEST_CACHE", Path(temporary) / "compiled-code"))
         copies: queue.SimpleQueue[Copy] = queue.SimpleQueue()
         for k in range(workers):
             copies.put(Copy(Path(temporary) / f"copy{k}", cache))

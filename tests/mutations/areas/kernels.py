@@ -68,8 +68,8 @@ MUTATIONS = (
     Mutation(
         "the last partial pack of values is left out",
         "backend/cpp_object.py",
-        'body = ["for (long first = begin; first < end; first += 8) {"]',
-        'body = ["for (long first = begin; first + 8 <= end; first += 8) {"]',
+        '"for (long first = begin; first < end; first += 8) {"]',
+        '"for (long first = begin; first + 8 <= end; first += 8) {"]',
         (f"{KERNELS[0]}::test_instance_counts_around_a_pack",),
     ),
     Mutation(

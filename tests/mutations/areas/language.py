@@ -84,10 +84,10 @@ MUTATIONS = (
         EXPRESSIONS,
     ),
     Mutation(
-        "abs: slope 1 at 0",
+        "abs: slope 1 for negative numbers",
         "dialects/mat/comparison.py",
-        "b.select(b.less(zero, x), one, zero))",
-        "one)",
+        "b.neg(one), ",
+        "one, ",
         EXPRESSIONS,
     ),
     Mutation(

@@ -155,8 +155,8 @@ MUTATIONS = (
     Mutation(
         "gravity pulls up",
         CODE,
-        "dot(-np.asarray(acceleration, dtype=np.float64))",
-        "dot(np.asarray(acceleration, dtype=np.float64))",
+        "position.reshape(3, 1).dot(-",
+        "position.reshape(3, 1).dot(",
         FALL,
     ),
     Mutation(

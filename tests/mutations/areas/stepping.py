@@ -91,8 +91,8 @@ MUTATIONS = (
     Mutation(
         "the first guess falls by dt a",
         CODE,
-        "flight = flight + dt * dt * np.resize(",
-        "flight = flight + dt * np.resize(",
+        "flight = flight + dt * dt * np.",
+        "flight = flight + dt * np.",
         FALL,
     ),
     Mutation(
