@@ -49,9 +49,8 @@ def test_free_fall(with_guess: bool) -> None:
     everything = sum(float(masses.sum()) for masses in MASSES.values())
     for n in range(1, 5):
         report = stepper.step()
-        if with_guess:  # it is the solution
-            assert report.iterations == 1
-            assert report.step_lengths == []
+        if with_guess:
+            assert report.iterations == 1  # it is the solution
         for velocity, target, first in zip(stepper.velocities, targets, start, strict=True):
             np.testing.assert_allclose(velocity, np.tile(n * DT * GRAVITY, (len(velocity), 1)), rtol=1e-9)
             fallen = target.value.reshape(-1, 3) - first
