@@ -119,7 +119,7 @@ def test_pairs_follow_the_vertices() -> None:
 
 
 def test_groups_and_fixed_vertices_meet_all_others() -> None:
-    """Three plates one above the other: of six pairs of owners, those of one group and of fixed ones have no energy."""
+    """Three plates one above the other: two plates of one group, or fixed, have no energy together."""
     plate = SCENES["aligned sheets"][0]
     half = (plate[0][: len(plate[0]) // 2], plate[1][: len(plate[1]) // 2])
     points, faces = union(half, move(half, (0.11, 0.07, 0.05)), move(half, (0.03, 0.13, 0.1)))
@@ -140,5 +140,6 @@ def test_groups_and_fixed_vertices_meet_all_others() -> None:
     assert pairs_of() == {(0, 1), (1, 2)}
     assert pairs_of(group=np.where(owner < 2, 4, -1)) == {(1, 2)}
     assert pairs_of(group=np.where(owner > 0, 4, 0)) == {(0, 1)}
+    assert pairs_of(group=np.where(owner == 0, 4, -1)) == {(0, 1), (1, 2)}  # those of no group are none together
     assert pairs_of(fixed=owner == 1) == {(0, 1), (1, 2)}
     assert pairs_of(fixed=owner > 0) == {(0, 1)}

@@ -177,3 +177,12 @@ def test_affine_bodies() -> None:
     for expected, matrix in by_hand.items():
         a.update_value(matrix)
         assert energy_of(scene) == pytest.approx(expected, rel=1e-12, abs=1e-25)
+
+
+def test_weft_turns_left_from_the_warp() -> None:
+    """At rest F's columns are the warp and what comes a quarter turn after it, seen against the triangle's normal."""
+    for warp, weft in (([1.0, 0, 0], [0.0, 1, 0]), ([0.0, 2, 0], [-1.0, 0, 0])):
+        inverse, _ = materials.rest_triangles(SQUARE, [[0, 1, 2]], warp)
+        edges = (SQUARE[1:3] - SQUARE[0]).T
+        expected = np.column_stack([np.array(warp) / np.linalg.norm(warp), weft])
+        np.testing.assert_allclose(edges @ inverse[0], expected, atol=1e-14)
