@@ -82,13 +82,6 @@ MUTATIONS = (
         POSITIONS,
     ),
     Mutation(
-        "structure: local blocks without contribution begin a global one",
-        STRUCTURE,
-        "heads[e] = used && starts(keys, e) ? 1 : 0;",
-        "heads[e] = starts(keys, e) ? 1 : 0;",
-        POSITIONS,
-    ),
-    Mutation(
         "structure: the diagonal block is not noted",
         STRUCTURE,
         "if (row == col) diagonal[row] = in_values;",
@@ -145,13 +138,6 @@ MUTATIONS = (
         (f"{SOLVER}::test_indefinite_matrix_with_definite_diagonal_blocks",),
     ),
     Mutation(
-        "pcg: infinite entries of g are not noticed",
-        PCG,
-        "if (!is_finite(magnitude)) unusable += 1;",
-        "",
-        (f"{SOLVER}::test_not_finite_numbers",),
-    ),
-    Mutation(
         "sums: lanes next to each other are not added",
         SHARED,
         "for (int by = 16; by > 0; by /= 2) value += __shfl_down_sync",
@@ -184,7 +170,7 @@ MUTATIONS = (
         "runtime/cuda/sum.cu",
         "i < count; i += threads_of_grid()) sum += values[i];",
         "i < count; i += blockDim.x) sum += values[i];",
-        (f"{SOLVER}::test_sums_of_many_blocks",),
+        ("tests/runtime/test_cuda_small_kernels.py::test_sums_of_any_length",),
     ),
     Mutation(
         "preconditioner: a sign in the inverse of the factor",
@@ -324,7 +310,7 @@ MUTATIONS = (
         "runtime/cuda/check_indices.cu",
         "indices[k] >= most)",
         "indices[k] > most)",
-        ("tests/gpu/test_agreement.py::test_indices_on_the_device",),
+        ("tests/runtime/test_cuda_small_kernels.py::test_indices_from_others",),
     ),
     Mutation(
         "kernels: the last entry may be infinite",
