@@ -1,6 +1,6 @@
 """Makes one mistake at a time in a copy of the project and says which test sees it.
 
-    python tests/mutations/check.py [--workers N] [--only WORDS] [AREA ...]
+    python tests/mutations/check.py [--workers N] [--only PATTERN] [AREA ...]
 
 Run by hand and nightly (`pytest -m nightly tests/mutations`). The tests that the table names must pass before anything
 is broken. Every worker has a copy of the working tree; compiled code is shared by all of them and by all mutations,
@@ -30,7 +30,6 @@ from pathlib import Path
 sys.path.insert(0, str(Path(__file__).parent))
 
 from mutation import Mutation
-from tables import AREAS
 
 ROOT = Path(__file__).resolve().parents[2]
 FOLDERS = (
@@ -197,11 +196,13 @@ def check(mutations: Sequence[Mutation], workers: int) -> int:
 
 
 def main() -> int:
+    from tables import AREAS  # here: forked processes import this file, and need no tables
+
     FORKS.set_forkserver_preload(PRELOADED)
     parser = argparse.ArgumentParser(description="Breaks the code in one place at a time and says which test sees it.")
     parser.add_argument("areas", nargs="*", metavar="AREA", help=f"of {', '.join(AREAS)}; all if none is named")
     parser.add_argument("--workers", type=int, default=min(2, os.cpu_count() or 1), help="tests run at once")
-    parser.add_argument("--only", default="", metavar="WORDS", help="mutations with this in their title")
+    parser.add_argument("--only", default="", metavar="PATTERN", help="mutations with this in their title")
     given = parser.parse_args()
     unknown = sorted(set(given.areas) - set(AREAS))
     if unknown:
@@ -210,7 +211,7 @@ def main() -> int:
         mutation
         for area in given.areas or AREAS
         for mutation in AREAS[area]
-        if given.only.lower() in mutation.title.lower()
+        if re.search(given.only, mutation.title, re.IGNORECASE)
     ]
     if not chosen:
         parser.error("no mutation was chosen")

@@ -20,21 +20,21 @@ MUTATIONS = (
         "frontend/compiled_scene.py",
         "            return\n        self._bound = False\n        self._dynamic_valid = False\n        if connectivity",
         "            return\n        self._bound = False\n        if connectivity",
-        (f"{PRIMITIVE}::test_growing_shrinking_to_empty_and_back",),
+        ("tests/frontend/test_changes.py::test_as_many_pairs_at_other_places",),
     ),
     Mutation(
         "a target that grows keeps its place in the gradient",
         "frontend/compiled_scene.py",
         "or any(target.owner is owner for target in self.targets):",
         "or owner is None:",
-        (f"{PRIMITIVE}::test_targets_of_a_dynamic_primitive_change_the_size_of_the_system",),
+        ("tests/frontend/test_changes.py::test_a_target_that_grows_moves_those_after_it",),
     ),
     Mutation(
         "new arrays are not pointed to",
         "frontend/primitive.py",
         "        self.scene.arrays_moved(self)\n\n    def _counts_without",
         "\n    def _counts_without",
-        (f"{PRIMITIVE}::test_a_part_of_the_same_size_may_be_updated_alone",),
+        ("tests/frontend/test_changes.py::test_numbers_of_the_same_count_alone",),
     ),
     Mutation(
         "a failed update of several parts changes the first ones",
@@ -42,7 +42,7 @@ MUTATIONS = (
         "indices[connectivity] = connectivity.checked_parts(value)\n",
         "indices[connectivity] = connectivity.checked_parts(value)\n"
         "                connectivity._replace(indices[connectivity])\n",
-        ("tests/frontend/test_refused_attributes.py", PRIMITIVE),
+        ("tests/frontend/test_changes.py::test_a_refused_update_of_several_parts_changes_none",),
     ),
     Mutation(
         "an instance is named in the order of the kernel",
@@ -63,14 +63,14 @@ MUTATIONS = (
         "frontend/instance_order.py",
         "if connectivity.target is owner:",
         "if False:",
-        (ORDER,),
+        ("tests/frontend/test_changes.py::test_instances_that_cannot_have_another_order_keep_the_given_one",),
     ),
     Mutation(
         "targets of the primitive itself are put in another order",
         "frontend/instance_order.py",
         "if any(target is attribute for target in targets):",
         "if False:",
-        (f"{ORDER}::test_targets_of_the_primitive_itself_keep_their_order",),
+        ("tests/frontend/test_changes.py::test_instances_that_cannot_have_another_order_keep_the_given_one",),
     ),
     Mutation(
         "static and dynamic part have dof blocks in different orders",
@@ -115,21 +115,18 @@ MUTATIONS = (
         ("tests/frontend/test_solver_choice.py", "tests/frontend/test_errors.py"),
     ),
     Mutation(
-        "rows of variable arity that grow are filled up with instance 0",
+        "rows of variable arity that get shorter are filled up with instance 0",
         "frontend/connectivity.py",
         "constant_values=-1))",
         "constant_values=0))",
-        (
-            "tests/frontend/test_cuda_scene.py::test_rows_of_variable_arity_that_grow",
-            "tests/frontend/test_connectivity.py",
-        ),
+        ("tests/frontend/test_changes.py::test_rows_of_variable_arity_that_get_shorter",),
     ),
     Mutation(
         "an index may be the number of instances",
         "frontend/connectivity.py",
         "if rows.size and (rows.min() < lowest or rows.max() >= count):",
         "if rows.size and (rows.min() < lowest or rows.max() > count):",
-        ("tests/frontend/test_refused_attributes.py", "tests/frontend/test_connectivity.py", PRIMITIVE),
+        ("tests/frontend/test_changes.py::test_the_number_of_instances_is_no_index",),
     ),
     Mutation(
         "on demand keeps what conjugate gradients made of an indefinite matrix",
