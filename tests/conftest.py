@@ -21,9 +21,11 @@ def pytest_addoption(parser: pytest.Parser) -> None:
 
 @pytest.fixture(scope="session", autouse=True)
 def compiled_code_cache(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
-    """YASPS_CACHE in this run's temporary folder, shared by all its tests and by the workers of pytest-xdist."""
+    """YASPS_CACHE in this run's temporary folder, shared by all its tests and by the workers of pytest-xdist; in the
+    folder that YASPS_TEST_CACHE names where several runs shall share it (tests/mutations/check.py)."""
     base = tmp_path_factory.getbasetemp()
-    folder = (base.parent if "PYTEST_XDIST_WORKER" in os.environ else base) / "compiled-code"
+    own = (base.parent if "PYTEST_XDIST_WORKER" in os.environ else base) / "compiled-code"
+    folder = Path(os.environ.get("YASPS_TEST_CACHE", own))
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("YASPS_CACHE", str(folder))
         patch.delenv("YASPS_DUMP_IR", raising=False)

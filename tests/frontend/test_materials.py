@@ -160,3 +160,29 @@ def test_unusable_rest_triangles_are_named() -> None:
         materials.rest_triangles(SQUARE, [[0, 1, 2], [0, 1, 1]])
     with pytest.raises(SceneError, match="normal to triangle 0"):
         materials.rest_triangles(SQUARE, [[0, 1, 2]], (0.0, 0.0, 1.0))
+
+
+def test_affine_bodies() -> None:
+    """s/2 |A^T A - I|^2: by hand for scaled axes and shear, nothing for rotations."""
+    scene = Scene("body")
+    bodies = scene.add_mesh("m").add_primitive("bodies", 1)
+    a = bodies.add_attribute("a", 3, 3, value=np.eye(3))
+    energy = materials.affine_orthogonality(a, 40.0)
+    scene.add_energy(bodies.add_attribute("stiff", computed_attribute=energy), projection="none")
+    scene.add_minimize_target(a)
+    stretched, sheared = np.diag([1.1, 0.9, 1.3]), np.eye(3)
+    sheared[0, 1] = 0.2
+    by_hand = {0.0: rotation(), 20.0 * sum((s * s - 1) ** 2 for s in (1.1, 0.9, 1.3)): rotation() @ stretched}
+    by_hand[20.0 * (2 * 0.2**2 + 0.2**4)] = sheared
+    for expected, matrix in by_hand.items():
+        a.update_value(matrix)
+        assert energy_of(scene) == pytest.approx(expected, rel=1e-12, abs=1e-25)
+
+
+def test_weft_turns_left_from_the_warp() -> None:
+    """At rest F's columns are the warp and what comes a quarter turn after it, seen against the triangle's normal."""
+    for warp, weft in (([1.0, 0, 0], [0.0, 1, 0]), ([0.0, 2, 0], [-1.0, 0, 0])):
+        inverse, _ = materials.rest_triangles(SQUARE, [[0, 1, 2]], warp)
+        edges = (SQUARE[1:3] - SQUARE[0]).T
+        expected = np.column_stack([np.array(warp) / np.linalg.norm(warp), weft])
+        np.testing.assert_allclose(edges @ inverse[0], expected, atol=1e-14)

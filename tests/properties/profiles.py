@@ -1,6 +1,6 @@
 """How many examples a run draws: YASPS_HYPOTHESIS_PROFILE is "ci" (default), "nightly", or "mutation".
 
-"mutation" is for mutation_check.py: ci's examples, not shrunk. The profiles are registered with
+"mutation" is for tests/mutations: ci's examples, not shrunk. The profiles are registered with
 hypothesis but not loaded: other folders' tests keep their own settings.
 """
 

@@ -1,0 +1,193 @@
+"""Contact: pairs, their energies, how far a step may go."""
+
+from __future__ import annotations
+
+from mutation import Mutation
+
+VALUES = "tests/frontend/test_contact_values.py"
+IPCTK = (f"{VALUES}::test_potential_gradient_and_hessian_are_those_of_ipctk",)
+FOLLOW = (f"{VALUES}::test_pairs_follow_the_vertices",)
+GEOMETRY = "tests/frontend/test_collision_geometry.py"
+POTENTIAL = (f"{GEOMETRY}::test_active_set_reproduces_ipctk_barrier_potential",)
+MOTION = "tests/frontend/test_collision_motion.py"
+KEPT = (f"{MOTION}::test_kept_candidates_find_what_ipctk_finds_anew",)
+SAFE = (f"{MOTION}::test_step_bounds_are_ipctks_and_safe", f"{GEOMETRY}::test_step_bound_stops_before_the_ground")
+CODE, PAIRS, NEAR = "frontend/contact.py", "runtime/close_pairs.cpp", "runtime/near_pairs.cpp"
+
+MUTATIONS = (
+    Mutation(
+        "the barrier has one gap too few",
+        CODE,
+        "stiffness * gap * gap * ratio * ratio",
+        "stiffness * gap * ratio * ratio",
+        IPCTK,
+    ),
+    Mutation(
+        "the reach is not squared",
+        CODE,
+        "value=activation_distance**2)",
+        "value=activation_distance)",
+        IPCTK,
+    ),
+    Mutation(
+        "the mollifier is linear",
+        CODE,
+        "return ratio * (2 - ratio)",
+        "return ratio",
+        IPCTK,
+    ),
+    Mutation(
+        "mollified point-point with the wrong other ends",
+        CODE,
+        "squared_point_point, ((0, 2), (1, 3))",
+        "squared_point_point, ((0, 3), (1, 2))",
+        IPCTK,
+    ),
+    Mutation(
+        "mollified point-edge with the wrong edges",
+        CODE,
+        "squared_point_line, ((0, 3), (1, 2))",
+        "squared_point_line, ((0, 1), (2, 3))",
+        IPCTK,
+    ),
+    Mutation(
+        "pairs that share an entry count once",
+        CODE,
+        "energy = weight * barrier(",
+        "energy = barrier(",
+        IPCTK,
+    ),
+    Mutation(
+        "the distance of lines is measured between their first points",
+        CODE,
+        "offset, first, second = x.row(2) - x.row(0), x.row(1) - x.row(0), x.row(3) - x.row(2)",
+        "offset, first, second = x.row(1) - x.row(0), x.row(1) - x.row(0), x.row(3) - x.row(2)",
+        IPCTK,
+    ),
+    Mutation(
+        "the plane of a triangle goes through the wrong corners",
+        CODE,
+        "x.row(2) - x.row(1), x.row(3) - x.row(1)",
+        "x.row(2) - x.row(1), x.row(3) - x.row(0)",
+        IPCTK,
+    ),
+    Mutation(
+        "the distance to a line is divided by one edge length",
+        CODE,
+        "return area.dot(area) / edge.dot(edge)",
+        "return area.dot(area) / edge.norm()",
+        IPCTK,
+    ),
+    Mutation(
+        "the active set is not renewed where as many pairs are close",
+        "frontend/active_set.py",
+        "all(np.array_equal(mine[name], others[name]) for name in mine)",
+        "all(mine[name].shape == others[name].shape for name in mine)",
+        ("tests/frontend/test_newton.py", VALUES),
+    ),
+    Mutation(
+        "candidates of an earlier way are kept whatever comes",
+        CODE,
+        "not geometry.covers(self._kept, start, end)",
+        "self._kept.surface is None",
+        ("tests/frontend/test_newton.py::test_free_step_agrees_with_the_geometry_and_serves_all_positions_on_the_way",),
+    ),
+    Mutation(
+        "candidates reach as far as one of both sides may move",
+        "frontend/collision_geometry.py",
+        "reach + 2 * allowed",
+        "reach + allowed",
+        (f"{MOTION}::test_both_sides_of_a_pair_may_use_up_their_margin",),
+    ),
+    Mutation(
+        "fixed vertices meet each other",
+        "frontend/collision_geometry.py",
+        "alone = ~still & (labels < 0)",
+        "alone = labels < 0",
+        (f"{VALUES}::test_groups_and_fixed_vertices_meet_all_others",),
+    ),
+    Mutation(
+        "vertices of no group are a group",
+        "frontend/collision_geometry.py",
+        "packed[alone] = packed.max(initial=0) + 1 + np.arange(int(alone.sum()))",
+        "packed[alone] = packed.max(initial=0) + 1",
+        (f"{VALUES}::test_groups_and_fixed_vertices_meet_all_others",),
+    ),
+    Mutation(
+        "other ends stay where two points are exchanged",
+        PAIRS,
+        "if (b < a) std::swap(a, b), std::swap(a_other, b_other);",
+        "if (b < a) std::swap(a, b);",
+        IPCTK,
+    ),
+    Mutation(
+        "the other end of a mollified edge is the end itself",
+        PAIRS,
+        "{own[end], edge[0], edge[1], own[1 - end]}",
+        "{own[end], edge[0], edge[1], own[end]}",
+        POTENTIAL,
+    ),
+    Mutation(
+        "thresholds of mollifiers from the lengths, not their squares",
+        PAIRS,
+        "1e-3 * square(x0[v[1]] - x0[v[0]]) * square(x0[v[3]] - x0[v[2]])",
+        "1e-3 * sqrt(square(x0[v[1]] - x0[v[0]]) * square(x0[v[3]] - x0[v[2]]))",
+        (f"{GEOMETRY}::test_threshold_comes_from_rest_lengths",),
+    ),
+    Mutation(
+        "equal entries are dropped without their weight",
+        PAIRS,
+        "pairs[last].weight += 1;",
+        "pairs[last].weight += 0;",
+        POTENTIAL,
+    ),
+    Mutation(
+        "the side of a triangle from its last corner leads to the second",
+        PAIRS,
+        "corner[k == 2 ? 0 : k + 1]);",
+        "corner[k == 2 ? 1 : k + 1]);",
+        POTENTIAL,
+    ),
+    Mutation(
+        "the vertices of an edge pair count as mollified where they are not",
+        PAIRS,
+        "const bool mollified = square(cross(p[1] - p[0], p[3] - p[2])) < threshold;",
+        "const bool mollified = square(cross(p[1] - p[0], p[3] - p[2])) < 10 * threshold;",
+        POTENTIAL,
+    ),
+    Mutation(
+        "pairs within half the reach only",
+        NEAR,
+        "const double limit = reach * sqrt(square(line));",
+        "const double limit = 0.5 * reach * sqrt(square(line));",
+        KEPT,
+    ),
+    Mutation(
+        "only where a motion ends is looked for pairs",
+        NEAR,
+        "for (const Point* const x : {start, end}) {",
+        "for (const Point* const x : {end, end}) {",
+        KEPT,
+    ),
+    Mutation(
+        "vertices without a group are one",
+        NEAR,
+        "if (a.label[left] >= 0 && a.label[left] == b.label[right]) return true;",
+        "if (a.label[left] == b.label[right]) return true;",
+        POTENTIAL,
+    ),
+    Mutation(
+        "neighbours on the surface repel",
+        NEAR,
+        "if (first[i] == second[j]) return true;",
+        "if (first[i] < 0 && second[j] < 0) return true;",
+        POTENTIAL,
+    ),
+    Mutation(
+        "a pair of pieces in one block is found from one side only",
+        NEAR,
+        "if (is_same(task) && near[n] <= left + i) continue;",
+        "if (is_same(task) && near[n] <= left + i + 1) continue;",
+        POTENTIAL,
+    ),
+)

@@ -1,0 +1,173 @@
+"""Generated kernels of the processor: gather, project in batches, pull back, scatter."""
+
+from __future__ import annotations
+
+from mutation import Mutation
+
+SCENES = ("tests/properties/test_scenes.py::test_kernels",)
+KERNELS = ("tests/backend/test_kernels.py",)
+NOT_FINITE = "tests/backend/test_not_finite.py"
+
+MUTATIONS = (
+    Mutation(
+        "kernels: a target's placement index off by one instance's",
+        "backend/object_text.py",
+        'return [f"{out}[0] = (int)({start}[0]{offset} + 1);"]',
+        'return [f"{out}[0] = (int)({start}[0]{offset} + 2);"]',
+        SCENES,
+    ),
+    Mutation(
+        "kernels: a union's branches all start at 0 in the pull-back",
+        "backend/object_text.py",
+        "const long j = i - {offsets}[{k}]; (void)j; {statement(member)}",
+        "const long j = i - {offsets}[0]; (void)j; {statement(member)}",
+        SCENES,
+    ),
+    Mutation(
+        "kernels: transpose flag ignored in add_block",
+        "backend/kernel_prelude.h",
+        "} else if (position & 1) {",
+        "} else if (position & 0) {",
+        SCENES,
+    ),
+    Mutation(
+        "curvature: what lies behind a nonlinear layer is dropped",
+        "backend/cpp_curvature.py",
+        "if any(text.scene.is_curved(slot.source) for slot in slots):\n        lines += transposed",
+        "if False:\n        lines += transposed",
+        SCENES,
+    ),
+    Mutation(
+        "an instance is named wrongly from the second batch on",
+        "backend/cpp_derivative.py",
+        "return start - changed - 1;",
+        "return begin - changed - 1;",
+        (f"{NOT_FINITE}::test_an_infinite_hessian_names_the_instance_in_every_batch",),
+    ),
+    Mutation(
+        "NaN in the last entries is not looked at",
+        "backend/kernel_prelude.h",
+        "for (; n > 0; --n, ++x) a += x[0] * 0.0;",
+        "",
+        (f"{NOT_FINITE}::test_every_entry_of_a_gradient_is_looked_at",),
+    ),
+    Mutation(
+        "a Hessian that is not projected may be infinite",
+        "backend/cpp_derivative.py",
+        "if entries and not is_projected:",
+        "if False:",
+        (f"{NOT_FINITE}::test_every_entry_of_a_hessian_that_is_not_projected_is_looked_at",),
+    ),
+    Mutation(
+        "the last instance of a pack is not scattered",
+        "backend/cpp_scatter.py",
+        '"for (long l = 0; l < lanes; ++l) {",',
+        '"for (long l = 0; l + 1 < lanes; ++l) {",',
+        (f"{KERNELS[0]}::test_instance_counts_around_a_pack",),
+    ),
+    Mutation(
+        "the last partial pack of values is left out",
+        "backend/cpp_object.py",
+        '"for (long first = begin; first < end; first += 8) {"]',
+        '"for (long first = begin; first + 8 <= end; first += 8) {"]',
+        (f"{KERNELS[0]}::test_instance_counts_around_a_pack",),
+    ),
+    Mutation(
+        "packs of one batch are scattered as if they were the first",
+        "backend/cpp_derivative.py",
+        'middle = ["V* const middle = middle_of[pack];"]',
+        'middle = ["V* const middle = middle_of[0]; (void)pack;"]',
+        (f"{KERNELS[0]}::test_instance_counts_around_a_pack",),
+    ),
+    Mutation(
+        "3x3 blocks: transpose flag ignored",
+        "backend/scatter_prelude.h",
+        "V sum = turned_if(where & 1, same);",
+        "V sum = same;",
+        KERNELS,
+    ),
+    Mutation(
+        "3x3 blocks: the last entry of merged slots comes once",
+        "backend/scatter_prelude.h",
+        "last += last;",
+        "",
+        (f"{KERNELS[0]}::test_both_slots_on_one_point",),
+    ),
+    Mutation(
+        "blocks of any shape: merged slots add a block twice, not it and its transpose",
+        "backend/kernel_prelude.h",
+        "b[r * cols + c] + b[c * cols + r]",
+        "2 * b[r * cols + c]",
+        SCENES,
+    ),
+    Mutation(
+        "expansion: merged leaves add a block once",
+        "backend/expand_prelude.h",
+        "b[c * across + r] + b[r * across + c]",
+        "b[c * across + r]",
+        (f"{KERNELS[0]}::test_both_slots_on_one_affine_body",),
+    ),
+    Mutation(
+        "expansion: the part of a row left of the diagonal comes from another row",
+        "backend/expand_prelude.h",
+        "to[c - begin] = triangle[packed(n, c, r)];",
+        "to[c - begin] = triangle[packed(n, begin, r)];",
+        KERNELS,
+    ),
+    Mutation(
+        "expansion: transpose flag ignored",
+        "backend/expand_prelude.h",
+        "} else if (where & 1) {",
+        "} else if (where & 0) {",
+        SCENES,
+    ),
+    Mutation(
+        "gather: pairs of numbers are all written to the first place",
+        "backend/kernel_prelude.h",
+        "gather_two(p + k, at, to + k);",
+        "gather_two(p + k, at, to + k % 2);",
+        KERNELS,
+    ),
+    Mutation(
+        "a mean is a sum in the pull-back",
+        "backend/cpp_object.py",
+        'into[e] /= (double)count;" if slot.reduction == "mean"',
+        'into[e] /= (double)count;" if slot.reduction == "none"',
+        SCENES,
+    ),
+    Mutation(
+        "a mean is a sum in the value",
+        "backend/object_text.py",
+        'if op.reduction == "mean":',
+        "if False:",
+        ("tests/properties/test_scenes.py::test_kernels",),
+    ),
+    Mutation(
+        "a UNION's placement indices are not filled up with 0",
+        "backend/object_text.py",
+        'padding = "".join(f" out[{e}] = 0;" for e in range(self.scene.size(member), size))',
+        'padding = ""',
+        SCENES,
+    ),
+    Mutation(
+        "nonlinear layers: leaves with one place are not merged before they are projected",
+        "backend/dense_prelude.h",
+        "while (k < leaves && kappa[leaf[k]] != kappa[p]) ++k;",
+        "k = leaves;",
+        SCENES,
+    ),
+    Mutation(
+        "nonlinear layers: of the projected matrix only the upper triangle is kept",
+        "backend/dense_prelude.h",
+        "small[r * width + c] = small[c * width + r] = upper[k * 8];",
+        "small[r * width + c] = upper[k * 8];",
+        SCENES,
+    ),
+    Mutation(
+        "comparisons of packs: < is >",
+        "backend/cpp_function.py",
+        '"olt": "{0} < {1}"',
+        '"olt": "{0} > {1}"',
+        ("tests/frontend/test_functions.py",),
+    ),
+)

@@ -1,0 +1,169 @@
+"""Energies of materials and their parameters."""
+
+from __future__ import annotations
+
+from mutation import Mutation
+
+MODULI = "tests/frontend/test_elastic_moduli.py"
+BAR = (f"{MODULI}::test_a_stretched_bar_has_youngs_modulus_and_poissons_ratio",)
+TETRAHEDRON = (f"{MODULI}::test_a_tetrahedron_that_is_not_regular",)
+CLOTH = ("tests/frontend/test_materials.py",)
+FALL = ("tests/frontend/test_velocities.py",)
+CODE = "frontend/materials.py"
+
+MUTATIONS = (
+    Mutation(
+        "lambda + 4/6 mu",
+        CODE,
+        "lam + 5 / 6 * mu",
+        "lam + 4 / 6 * mu",
+        BAR,
+    ),
+    Mutation(
+        "mu of Lame is taken as it is",
+        CODE,
+        "return 4 / 3 * mu, lam",
+        "return mu, lam",
+        BAR,
+    ),
+    Mutation(
+        "Lame: a factor 2 in lambda's denominator",
+        CODE,
+        "(1 - 2 * poisson_ratio))\n    return mu, lam",
+        "(1 - poisson_ratio))\n    return mu, lam",
+        BAR,
+    ),
+    Mutation(
+        "stable Neo-Hookean: the shift that makes the rest shape one",
+        CODE,
+        "(1 + 0.75 * mu / lam)",
+        "(1 + 0.5 * mu / lam)",
+        BAR,
+    ),
+    Mutation(
+        "stable Neo-Hookean: no 1 in the logarithm",
+        CODE,
+        "(stretch + 1).log()",
+        "stretch.log()",
+        BAR,
+    ),
+    Mutation(
+        "stable Neo-Hookean: half of the volume term is missing",
+        CODE,
+        "0.5 * lam * dilation * dilation",
+        "lam * dilation * dilation",
+        BAR,
+    ),
+    Mutation(
+        "stable Neo-Hookean: energy without volume",
+        CODE,
+        "return as_attribute(volume) * density",
+        "return density",
+        BAR,
+    ),
+    Mutation(
+        "tetrahedra: volume a third",
+        CODE,
+        "volumes = np.linalg.det(edges) / 6",
+        "volumes = np.linalg.det(edges) / 3",
+        TETRAHEDRON,
+    ),
+    Mutation(
+        "tetrahedra: rest edges as rows",
+        CODE,
+        "edges = (x[t[:, 1:]] - x[t[:, :1]]).swapaxes(1, 2)",
+        "edges = x[t[:, 1:]] - x[t[:, :1]]",
+        TETRAHEDRON,
+    ),
+    Mutation(
+        "tetrahedra: current edges as rows",
+        CODE,
+        "for i in (1, 2, 3)])\n    return edges.T * rest_edges_inverse",
+        "for i in (1, 2, 3)])\n    return edges * rest_edges_inverse",
+        TETRAHEDRON,
+    ),
+    Mutation(
+        "cloth: stretch without area",
+        CODE,
+        "as_attribute(area) * (resisting + as_attribute(shear) * tilt * tilt)",
+        "resisting + as_attribute(area) * as_attribute(shear) * tilt * tilt",
+        CLOTH,
+    ),
+    Mutation(
+        "cloth: stretch resists where it is compressed",
+        CODE,
+        "select(strain < 0, as_attribute(compression), as_attribute(1.0))",
+        "select(strain < 0, as_attribute(1.0), as_attribute(compression))",
+        CLOTH,
+    ),
+    Mutation(
+        "cloth: area of a triangle doubled",
+        CODE,
+        "0.5 * double[:, 0]",
+        "double[:, 0]",
+        CLOTH,
+    ),
+    Mutation(
+        "cloth: weft along the normal's other side",
+        CODE,
+        "np.cross(normals, along / length)], axis=1)",
+        "np.cross(along / length, normals)], axis=1)",
+        CLOTH,
+    ),
+    Mutation(
+        "hinge: the second normal points the other way",
+        CODE,
+        "return edge.cross(left), right.cross(edge)",
+        "return edge.cross(left), edge.cross(right)",
+        CLOTH,
+    ),
+    Mutation(
+        "affine bodies: a half is missing",
+        CODE,
+        "return 0.5 * as_attribute(stiffness) * strain.dot(strain)",
+        "return as_attribute(stiffness) * strain.dot(strain)",
+        ("tests/frontend/test_materials.py::test_affine_bodies",),
+    ),
+    Mutation(
+        "affine bodies: rotations are measured as A - I",
+        CODE,
+        "strain = affine_matrix.T * affine_matrix - identity(3)",
+        "strain = affine_matrix - identity(3)",
+        ("tests/frontend/test_materials.py::test_affine_bodies",),
+    ),
+    Mutation(
+        "inertia without mass",
+        CODE,
+        "return 0.5 * as_attribute(mass) / (step * step)",
+        "return 0.5 / (step * step)",
+        FALL,
+    ),
+    Mutation(
+        "inertia divided by dt",
+        CODE,
+        "return 0.5 * as_attribute(mass) / (step * step)",
+        "return 0.5 * as_attribute(mass) / step",
+        FALL,
+    ),
+    Mutation(
+        "inertia: a half is missing",
+        CODE,
+        "return 0.5 * as_attribute(mass) / (step * step)",
+        "return as_attribute(mass) / (step * step)",
+        FALL,
+    ),
+    Mutation(
+        "gravity pulls up",
+        CODE,
+        "position.reshape(3, 1).dot(-",
+        "position.reshape(3, 1).dot(",
+        FALL,
+    ),
+    Mutation(
+        "masses of vertices: a third of each tetrahedron",
+        "frontend/tetrahedral_mesh.py",
+        "0.25 * density * self.volumes()",
+        "1 / 3 * density * self.volumes()",
+        ("tests/frontend/test_tetrahedral_mesh.py::test_volumes_and_masses",),
+    ),
+)

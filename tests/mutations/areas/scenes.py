@@ -1,0 +1,138 @@
+"""Compiled scenes: what is found again when something changed, and what users get."""
+
+from __future__ import annotations
+
+from mutation import Mutation
+
+ORDER = "tests/frontend/test_instance_order.py"
+PRIMITIVE = "tests/frontend/test_primitive.py"
+
+MUTATIONS = (
+    Mutation(
+        "new indices of static energies keep the old sparsity",
+        "frontend/compiled_scene.py",
+        "if connectivity in self._static_reads.connectivities:",
+        "if False:",
+        (f"{ORDER}::test_new_numbers_and_new_indices_are_seen", "tests/frontend/test_connectivity.py"),
+    ),
+    Mutation(
+        "pairs that come and go keep the old sparsity",
+        "frontend/compiled_scene.py",
+        "            return\n        self._bound = False\n        self._dynamic_valid = False\n        if connectivity",
+        "            return\n        self._bound = False\n        if connectivity",
+        ("tests/frontend/test_changes.py::test_as_many_pairs_at_other_places",),
+    ),
+    Mutation(
+        "a target that grows keeps its place in the gradient",
+        "frontend/compiled_scene.py",
+        "or any(target.owner is owner for target in self.targets):",
+        "or owner is None:",
+        ("tests/frontend/test_changes.py::test_a_target_that_grows_moves_those_after_it",),
+    ),
+    Mutation(
+        "new arrays are not pointed to",
+        "frontend/primitive.py",
+        "        self.scene.arrays_moved(self)\n\n    def _counts_without",
+        "\n    def _counts_without",
+        ("tests/frontend/test_changes.py::test_numbers_of_the_same_count_alone",),
+    ),
+    Mutation(
+        "a failed update of several parts changes the first ones",
+        "frontend/primitive.py",
+        "indices[connectivity] = connectivity.checked_parts(value)\n",
+        "indices[connectivity] = connectivity.checked_parts(value)\n"
+        "                connectivity._replace(indices[connectivity])\n",
+        ("tests/frontend/test_changes.py::test_a_refused_update_of_several_parts_changes_none",),
+    ),
+    Mutation(
+        "an instance is named in the order of the kernel",
+        "frontend/cpu_scene.py",
+        "int(ordered.order[status.first_bad])",
+        "status.first_bad",
+        (f"{ORDER}::test_an_error_names_the_instance_of_the_user",),
+    ),
+    Mutation(
+        "new numbers are not seen where instances have another order",
+        "frontend/cpu_scene.py",
+        "                placement.ordered.refresh()\n",
+        "                pass\n",
+        (f"{ORDER}::test_new_numbers_and_new_indices_are_seen",),
+    ),
+    Mutation(
+        "a JOIN from a primitive to itself is put in another order",
+        "frontend/instance_order.py",
+        "if connectivity.target is owner:",
+        "if False:",
+        ("tests/frontend/test_changes.py::test_instances_that_cannot_have_another_order_keep_the_given_one",),
+    ),
+    Mutation(
+        "targets of the primitive itself are put in another order",
+        "frontend/instance_order.py",
+        "if any(target is attribute for target in targets):",
+        "if False:",
+        ("tests/frontend/test_changes.py::test_instances_that_cannot_have_another_order_keep_the_given_one",),
+    ),
+    Mutation(
+        "static and dynamic part have dof blocks in different orders",
+        "frontend/cpu_scene.py",
+        "matrix.build(boundaries, block_sizes, kappas, order=self.static_matrix.order)",
+        "matrix.build(boundaries, block_sizes, kappas)",
+        ("tests/frontend/test_reordering.py",),
+    ),
+    Mutation(
+        "on demand is always",
+        "frontend/cpu_scene.py",
+        "term.mode if project else Projection.NONE,",
+        "term.mode,",
+        ("tests/frontend/test_solver_choice.py",),
+    ),
+    Mutation(
+        "the second half of a Hessian is missing",
+        "frontend/hessian.py",
+        "rows += [i.ravel(), j[above].ravel()]",
+        "rows += [i.ravel(), i[above].ravel()]",
+        ("tests/frontend/test_hessian.py",),
+    ),
+    Mutation(
+        "blocks that the solver's order put below the diagonal are not transposed",
+        "frontend/hessian.py",
+        "group.values[~above].transpose(0, 2, 1).copy()",
+        "group.values[~above].copy()",
+        ("tests/frontend/test_reordering.py",),
+    ),
+    Mutation(
+        "mixed derivatives: rows and columns exchanged",
+        "frontend/scene.py",
+        "whole[:count, count:]",
+        "whole[count:, :count]",
+        ("tests/frontend/test_hessian.py::test_mixed_hessian_against_differences",),
+    ),
+    Mutation(
+        "an unknown is named as one of the target before",
+        "frontend/compiled_scene.py",
+        "if unknown < start + target.node.array.size:",
+        "if unknown <= start + target.node.array.size:",
+        ("tests/frontend/test_solver_choice.py", "tests/frontend/test_errors.py"),
+    ),
+    Mutation(
+        "rows of variable arity that get shorter are filled up with instance 0",
+        "frontend/connectivity.py",
+        "constant_values=-1))",
+        "constant_values=0))",
+        ("tests/frontend/test_changes.py::test_rows_of_variable_arity_that_get_shorter",),
+    ),
+    Mutation(
+        "an index may be the number of instances",
+        "frontend/connectivity.py",
+        "if rows.size and (rows.min() < lowest or rows.max() >= count):",
+        "if rows.size and (rows.min() < lowest or rows.max() > count):",
+        ("tests/frontend/test_changes.py::test_the_number_of_instances_is_no_index",),
+    ),
+    Mutation(
+        "on demand keeps what conjugate gradients made of an indefinite matrix",
+        "frontend/newton_system.py",
+        "if solution.report.reason is StopReason.NOT_POSITIVE_DEFINITE:\n        return True",
+        "if solution.report.reason is StopReason.NOT_POSITIVE_DEFINITE:\n        return False",
+        ("tests/frontend/test_solver_choice.py",),
+    ),
+)

@@ -1,0 +1,147 @@
+"""Linear solvers of the processor."""
+
+from __future__ import annotations
+
+from mutation import Mutation
+
+SOLVER = "tests/runtime/test_solver.py"
+TEXTBOOK = (f"{SOLVER}::test_residuals_are_those_of_textbook_pcg",)
+ONE_ITERATION = (f"{SOLVER}::test_block_diagonal_system_takes_one_iteration",)
+DIRECT = "tests/runtime/test_direct_solver.py"
+CODE, PRECONDITIONER = "runtime/pcg.cpp", "runtime/preconditioner.cpp"
+
+MUTATIONS = (
+    Mutation(
+        "conjugate gradients: beta upside down",
+        CODE,
+        "const double mix = next / squared;",
+        "const double mix = squared / next;",
+        TEXTBOOK,
+    ),
+    Mutation(
+        "conjugate gradients: x goes the other way",
+        CODE,
+        "load(&w.x[i]) + step * direction);",
+        "load(&w.x[i]) - step * direction);",
+        (f"{SOLVER}::test_solves_sum_of_parts",),
+    ),
+    Mutation(
+        "conjugate gradients: the residual is absolute",
+        CODE,
+        "const double relative = squared / reference;",
+        "const double relative = squared;",
+        TEXTBOOK,
+    ),
+    Mutation(
+        "conjugate gradients: the reference is that of the first residual",
+        CODE,
+        "const double reference = total(w, 0);",
+        "const double reference = total(w, 1);",
+        (f"{SOLVER}::test_exact_start_needs_no_iteration",),
+    ),
+    Mutation(
+        "conjugate gradients: the first residual adds H x0",
+        CODE,
+        "load(&w.g[i]) - load(p.product + i));",
+        "load(&w.g[i]) + load(p.product + i));",
+        (f"{SOLVER}::test_exact_start_needs_no_iteration",),
+    ),
+    Mutation(
+        "conjugate gradients: negative curvature is not noticed",
+        CODE,
+        "if (!(curvature > 0 && curvature < INFINITY)) {",
+        "if (!(curvature < INFINITY)) {",
+        (f"{SOLVER}::test_indefinite_matrix_with_definite_diagonal_blocks",),
+    ),
+    Mutation(
+        "conjugate gradients: what other threads found for a row stays there",
+        CODE,
+        "            store(from->product + i, d4{});\n",
+        "",
+        TEXTBOOK,
+    ),
+    Mutation(
+        "conjugate gradients: the end of a dot product is left out",
+        CODE,
+        "for (; i < range.end; i += 4) first += load(a + i) * load(b + i);",
+        "",
+        TEXTBOOK,
+    ),
+    Mutation(
+        "preconditioner: a sign in the factorisation",
+        PRECONDITIONER,
+        "pivot -= a[j * q + k] * a[j * q + k];",
+        "pivot += a[j * q + k] * a[j * q + k];",
+        ONE_ITERATION,
+    ),
+    Mutation(
+        "preconditioner: a sign in the inverse of the factor",
+        PRECONDITIONER,
+        "l[i * q + j] = -sum * l[i * q + i];",
+        "l[i * q + j] = sum * l[i * q + i];",
+        ONE_ITERATION,
+    ),
+    Mutation(
+        "preconditioner: the inverse has a lower triangle only",
+        PRECONDITIONER,
+        "            out[j * stride + i] = sum;\n",
+        "            if (i == j) out[j * stride + i] = sum;\n",
+        TEXTBOOK,
+    ),
+    Mutation(
+        "preconditioner: the last part's diagonal blocks are taken for the sum",
+        PRECONDITIONER,
+        "scratch[k] += part[k];",
+        "scratch[k] = part[k];",
+        TEXTBOOK,
+    ),
+    Mutation(
+        "preconditioner: a pivot of rounding errors counts as positive",
+        PRECONDITIONER,
+        "if (pivot <= 4e-16 * q * before || pivot <= 0) return kIndefinite;",
+        "if (pivot <= 0) return kIndefinite;",
+        ("tests/runtime/test_borderline_matrices.py::test_projections_whose_last_pivot_is_a_rounding_error",),
+    ),
+    Mutation(
+        "preconditioner: a row of the inverse meets the wrong entry",
+        CODE,
+        "load(inverse + 4) * r[at + 1]",
+        "load(inverse + 4) * r[at + 2]",
+        TEXTBOOK,
+    ),
+    Mutation(
+        "direct: SuperLU gets the upper triangle only",
+        "runtime/direct_solver.py",
+        "sparse.csc_matrix(matrix + sparse.triu(matrix, 1).T)",
+        "sparse.csc_matrix(matrix)",
+        (f"{DIRECT}::test_solves_sum_of_parts",),
+    ),
+    Mutation(
+        "direct: pivots that are not positive pass",
+        "runtime/direct_solver.py",
+        "(factors.perm_r != order) | ~(pivots[order] > 0)",
+        "(factors.perm_r != order)",
+        (f"{DIRECT}::test_indefinite_matrix_names_a_block",),
+    ),
+    Mutation(
+        "direct: of two symmetric blocks the lower one is left out",
+        "runtime/direct_solver.py",
+        "np.repeat(i != j, r * c)",
+        "np.repeat(i < j, r * c)",
+        ("tests/runtime/test_reordering.py::test_solvers_work_in_any_order",),
+    ),
+    Mutation(
+        "direct: another sparsity of the same size is not noticed",
+        "runtime/direct_solver.py",
+        "a[2:] == b[2:] and np.array_equal(a[0], b[0]) and np.array_equal(a[1], b[1])",
+        "a[2:] == b[2:] and len(a[0]) == len(b[0])",
+        ("tests/runtime/test_borderline_matrices.py::test_blocks_of_the_same_number_at_other_places",),
+    ),
+    Mutation(
+        "auto: the direct solver gets one system too many",
+        "runtime/solver_choice.py",
+        "self._direct_left = DIRECT_SOLVES - 1",
+        "self._direct_left = DIRECT_SOLVES",
+        ("tests/runtime/test_solver_choice.py::test_auto_falls_back_and_comes_again",),
+    ),
+)

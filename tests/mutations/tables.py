@@ -1,0 +1,34 @@
+"""All mutations, by area."""
+
+from __future__ import annotations
+
+from areas import (
+    assembly,
+    contact,
+    device,
+    kernels,
+    language,
+    materials,
+    passes,
+    projection,
+    scenes,
+    solver,
+    stepping,
+    structure,
+)
+from mutation import Mutation
+
+AREAS: dict[str, tuple[Mutation, ...]] = {
+    "language": language.MUTATIONS,
+    "passes": passes.MUTATIONS,
+    "kernels": kernels.MUTATIONS,
+    "assembly": assembly.MUTATIONS,
+    "structure": structure.MUTATIONS,
+    "solver": solver.MUTATIONS,
+    "projection": projection.MUTATIONS,
+    "device": device.MUTATIONS,
+    "scenes": scenes.MUTATIONS,
+    "materials": materials.MUTATIONS,
+    "stepping": stepping.MUTATIONS,
+    "contact": contact.MUTATIONS,
+}
