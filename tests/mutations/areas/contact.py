@@ -101,14 +101,14 @@ MUTATIONS = (
     ),
     Mutation(
         "fixed vertices meet each other",
-        "frontend/collision_geometry.py",
+        "frontend/surface_arguments.py",
         "alone = ~still & (labels < 0)",
         "alone = labels < 0",
         (f"{VALUES}::test_groups_and_fixed_vertices_meet_all_others",),
     ),
     Mutation(
         "vertices of no group are a group",
-        "frontend/collision_geometry.py",
+        "frontend/surface_arguments.py",
         "packed[alone] = packed.max(initial=0) + 1 + np.arange(int(alone.sum()))",
         "packed[alone] = packed.max(initial=0) + 1",
         (f"{VALUES}::test_groups_and_fixed_vertices_meet_all_others",),
