@@ -108,7 +108,7 @@ def four_energies(size: int) -> Scene:
 def falling_boxes(size: int) -> Scene:
     """two_bunnies with boxes for rabbits."""
     cells = max(2, round((size / 6) ** (1 / 3)))
-    return two_bunnies(box(divisions=(cells, cells, cells)), threads=1).scene
+    return two_bunnies(box(divisions=(cells, cells, cells)), Scene("two_bunnies", threads=1)).scene
 
 
 def generated(scene: Scene, compiler: Compiler) -> list[Source]:

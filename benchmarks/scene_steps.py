@@ -9,7 +9,7 @@ import numpy as np
 
 from benchmarks.measure import Report, Row, Settings
 from benchmarks.on_device import ON_DEVICE, Where, new_scene
-from yasps.examples.two_bunnies import TwoBunnies, two_bunnies
+from yasps.examples.two_bunnies import two_bunnies
 from yasps.frontend.environment_report import cpu_model
 from yasps.frontend.mesh_file import read_tetrahedral_mesh
 from yasps.frontend.newton import NewtonReport
@@ -17,6 +17,7 @@ from yasps.frontend.progress import TimeTable
 from yasps.frontend.rabbit import FEWEST_VERTICES, rabbit
 from yasps.runtime.device import Device
 from yasps.runtime.library import available_processors
+from yasps.simulation import Simulation
 
 DESCRIPTION = "time steps of two_bunnies: seconds a frame, Newton and CG iterations, share of each stage"
 DEFAULT_SIZE = 5_000
@@ -47,17 +48,17 @@ def _report(settings: Settings, places: Sequence[Where]) -> Report:
     shape = read_tetrahedral_mesh(settings.mesh) if settings.mesh else rabbit(max(settings.size, FEWEST_VERTICES))
     rows: list[Row] = []
     for where in places:
-        example = two_bunnies(shape, scene=new_scene("two_bunnies", where))
+        example = two_bunnies(shape, new_scene("two_bunnies", where))
         rows += _rows_of(example, settings, where if isinstance(where, int) else ON_DEVICE)
     about = (
-        f"{len(example.soft.vertices):,} vertices and {len(example.soft.tets):,} tets each, "
+        f"{len(shape.vertices):,} vertices and {len(shape.tets):,} tets each, "
         f"{FRAMES_PER_ROUND * settings.repeats} frames of {example.stepper.time_step} s; {cpu_model()}, "
         f"{available_processors()} processors."
     )
     return Report(rows, [about, *NOTES])
 
 
-def _rows_of(example: TwoBunnies, settings: Settings, threads: int) -> list[Row]:
+def _rows_of(example: Simulation, settings: Settings, threads: int) -> list[Row]:
     example.scene.compile()
     for _ in range(FREE_FLIGHT):
         example.stepper.step()
@@ -86,7 +87,6 @@ def _rows_of(example: TwoBunnies, settings: Settings, threads: int) -> list[Row]
     ]
     rows += [row(f"stage: {stage.stage}", 1e3 * stage.total_seconds / frames, "ms/frame") for stage in stages]
     rows += [row(f"share: {stage.stage}", stage.share_percent, "%") for stage in stages]
-    positions = example.contact.positions()
-    for name, part in (("soft", example.soft_vertices), ("stiff", example.stiff_vertices)):
-        rows.append(row(f"height of the {name} body", float(positions[part, 2].mean()), "m"))
+    for body in example.moving:
+        rows.append(row(f"height of the {body.name} body", float(body.positions()[:, 2].mean()), "m"))
     return rows

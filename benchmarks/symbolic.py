@@ -41,7 +41,7 @@ def run(settings: Settings) -> Report:
     """Times both scenes."""
     scenes = {
         "stable Neo-Hookean tets": elements_scene(box_of_tets(6), 1).scene,
-        "two_bunnies": two_bunnies(box(divisions=(2, 2, 2)), threads=1).scene,
+        "two_bunnies": two_bunnies(box(divisions=(2, 2, 2)), Scene("two_bunnies", threads=1)).scene,
     }
     rows = []
     for case, scene in scenes.items():

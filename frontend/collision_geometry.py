@@ -30,6 +30,7 @@ from yasps.frontend.surface_arguments import (
     labels_of_filter,
     ranges_of_objects,
 )
+from yasps.frontend.tetrahedral_mesh import TetrahedralMesh
 from yasps.runtime.library import Runtime, load_runtime
 from yasps.runtime.surface_pairs import Surface, SurfacePairs
 from yasps.runtime.toolchain import find_compiler
@@ -356,3 +357,12 @@ def _only(pairs: SurfacePairs, kind: str, first: int = 0, end: int | None = None
     none = np.empty((0, 4), np.int32)
     chosen = np.ascontiguousarray(getattr(pairs, kind)[first:end])
     return SurfacePairs(chosen, none) if kind == "edge_edge" else SurfacePairs(none, chosen)
+
+
+def narrowest_gap(shape: TetrahedralMesh, most: float) -> float:
+    """Smallest distance [m] of two pieces of a shape's surface that share no vertex; infinite if it is `most` or more.
+
+    An activation distance below it keeps the surface from repelling itself at rest.
+    """
+    geometry = CollisionGeometry(shape.vertices, shape.surface_triangles(), most)
+    return geometry.active_set(shape.vertices).minimum_distance

@@ -199,6 +199,20 @@ def inertia(position: Attribute, predicted: Attribute, mass: Scalar, time_step: 
     return 0.5 * as_attribute(mass) / (step * step) * offset.dot(offset)
 
 
-def gravity(position: Attribute, mass: Scalar, acceleration: Sequence[float] = (0.0, 0.0, -9.8)) -> Attribute:
-    """Potential [J] of a uniform field: -m a . x. acceleration [m/s^2]."""
-    return as_attribute(mass) * position.reshape(3, 1).dot(-real_numbers(acceleration, "the acceleration"))
+def gravity(
+    position: Attribute, mass: Scalar, acceleration: Sequence[float] | Attribute = (0.0, 0.0, -9.8)
+) -> Attribute:
+    """Potential [J] of a uniform field: -m a . x. acceleration [m/s^2], numbers or a 3x1 attribute."""
+    field = acceleration if isinstance(acceleration, Attribute) else real_numbers(acceleration, "the acceleration")
+    return as_attribute(mass) * position.reshape(3, 1).dot(-field)
+
+
+def dead_load(position: Attribute, force: Attribute) -> Attribute:
+    """Potential [J] of a force [N] on a vertex that keeps its direction: -f . x. Both 3x1."""
+    return -position.reshape(3, 1).dot(force)
+
+
+def anchor(position: Attribute, place: Attribute, stiffness: Scalar) -> Attribute:
+    """Energy [J] of a spring of rest length 0 that holds a vertex at a place: k/2 |x - a|^2. stiffness k [N/m]."""
+    offset = position.reshape(3, 1) - place.reshape(3, 1)
+    return 0.5 * as_attribute(stiffness) * offset.dot(offset)

@@ -179,6 +179,15 @@ class SceneNames:
         added then.
         """
 
+    def removeEnergy(self, attribute: Attribute) -> None:
+        """Takes back what `add_energy` registered; the attribute stays. Raises SceneError if it is no energy."""
+
+    def removeMinimizeTarget(self, targets: Attribute | Sequence[Attribute]) -> None:
+        """Takes back what `add_minimize_target` added: the numbers stay as they are from now on.
+
+        Raises SceneError if one is no target; nothing is removed then.
+        """
+
     def minimizeEnergy(
         self, tolerance: float = 0.0001, maxIterations: int = 10000, *, solver: str = "pcg", projection: str = "always"
     ) -> list[FloatArray]:

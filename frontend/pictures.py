@@ -29,6 +29,8 @@ Image = npt.NDArray[np.uint8]
 
 LIGHT_BLUE: Final = "#86c5f4"
 DARK_PINK: Final = "#c2185b"
+PALETTE: Final = (LIGHT_BLUE, DARK_PINK, "#f2b134", "#5c9e6b", "#8e6bbf", "#d9754a")
+"""Colours of bodies, in turn."""
 
 _BACKGROUND: Final = ("#e7eaef", "#fdfdfe")  # bottom, top
 _VIEW_ANGLE: Final = 30.0  # degrees, over the height of the picture

@@ -203,6 +203,28 @@ class Scene(SceneNames, Entity):
         self._targets.extend(listed)
         self.structure_changed()
 
+    @one_thread_at_a_time
+    def remove_energy(self, attribute: Attribute) -> None:
+        """Takes back what `add_energy` registered; the attribute stays. Raises SceneError if it is no energy."""
+        kept = [term for term in self._energies if term.attribute is not attribute]
+        if len(kept) == len(self._energies):
+            raise SceneError(f"{getattr(attribute, 'path', attribute)!r} is no energy of {self.label}")
+        self._energies = kept
+        self.structure_changed()
+
+    @one_thread_at_a_time
+    def remove_minimize_target(self, targets: Attribute | Sequence[Attribute]) -> None:
+        """Takes back what `add_minimize_target` added: the numbers stay as they are from now on.
+
+        Raises SceneError if one is no target; nothing is removed then.
+        """
+        listed = [targets] if isinstance(targets, Attribute) else list(targets)
+        for target in listed:
+            if not any(target is known for known in self._targets):
+                raise SceneError(f"{getattr(target, 'path', target)!r} is no minimisation target of {self.label}")
+        self._targets = [known for known in self._targets if not any(known is target for target in listed)]
+        self.structure_changed()
+
     def _check_own(self, attribute: Attribute, what: str) -> None:
         if not isinstance(attribute, Attribute):
             raise SceneError(f"{what} must be an attribute, got {attribute!r}")

@@ -1,0 +1,155 @@
+"""Simulation: bodies, contact and steps together, and what may change between steps."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from yasps import IntersectionError, NotConvergedError, NotFiniteError, Scene, SceneError
+from yasps.bodies import AffineBody, Cloth, Ground, SoftBody
+from yasps.frontend.shapes import box, cloth_grid
+from yasps.simulation import Simulation
+
+CUBE = box((0.1, 0.1, 0.1), (1, 1, 1))
+DT = 0.01
+
+
+def falling_cube(height: float = 1.0, contact: bool = False) -> tuple[Simulation, SoftBody]:
+    scene = Scene("cube", threads=1)
+    soft = SoftBody(scene, "soft", CUBE.translated((0.0, 0.0, height)))
+    bodies = [soft, Ground(scene)] if contact else [soft]
+    return Simulation(scene, bodies, time_step=DT, contact=contact), soft
+
+
+def test_free_fall_is_backward_eulers_own() -> None:
+    simulation, soft = falling_cube()
+    start = soft.positions()
+    reports = simulation.run(3)
+    assert len(reports) == simulation.frame == 3
+    assert simulation.time == pytest.approx(3 * DT)
+    fall = 9.8 * DT**2 * 3 * 4 / 2
+    np.testing.assert_allclose(soft.positions(), start - [0.0, 0.0, fall], atol=1e-9)
+    np.testing.assert_allclose(simulation.velocity_of(soft), np.broadcast_to([0, 0, -9.8 * 3 * DT], (8, 3)), atol=1e-6)
+
+
+def test_velocities_forces_and_gravity() -> None:
+    simulation, soft = falling_cube()
+    simulation.gravity.update_value([0.0, 0.0, 0.0])
+    simulation.set_velocity(soft, (1.0, 0.0, 0.0), angular=(0.0, 0.0, 2.0))
+    assert simulation.stepper.momentum() == pytest.approx(soft.mass.value.sum() * np.array([1.0, 0.0, 0.0]))
+    arms = soft.positions() - soft.rest.mean(axis=0)
+    np.testing.assert_allclose(simulation.velocity_of(soft) - [1.0, 0.0, 0.0], np.cross([0, 0, 2.0], arms), atol=1e-12)
+    simulation.set_velocity(soft, (0.0, 0.0, 0.0))
+    force = simulation.add_force(soft, soft.mass.value[:, None] * np.array([[0.0, 3.0, 0.0]]))
+    simulation.step()
+    np.testing.assert_allclose(simulation.velocity_of(soft).mean(axis=0), [0.0, 3.0 * DT, 0.0], atol=1e-7)
+    compiled = simulation.scene.compile()
+    force.update_value(np.zeros((8, 3)))
+    simulation.step()
+    assert simulation.scene.compile() is compiled
+    np.testing.assert_allclose(simulation.velocity_of(soft).mean(axis=0), [0.0, 3.0 * DT, 0.0], atol=1e-7)
+
+
+def test_pins_hold_move_and_let_go() -> None:
+    scene = Scene("hanging", threads=1)
+    cloth = Cloth(scene, "cloth", cloth_grid((0.2, 0.2), (2, 2)), bending=1e-4)
+    simulation = Simulation(scene, [cloth], contact=False)
+    pins = simulation.pin(cloth, [0, 2])
+    simulation.run(4)
+    sunk = cloth.rest[:, 2] - cloth.positions()[:, 2]
+    assert np.abs(sunk[[0, 2]]).max() < 1e-5
+    assert sunk[8] > 1e-3
+    pins.move_to(cloth.rest[[0, 2]] + [0.0, 0.0, 0.01])
+    compiled = scene.compile()
+    simulation.step()
+    np.testing.assert_allclose(cloth.positions()[[0, 2], 2], 0.01, atol=1e-5)
+    pins.release()
+    simulation.run(3)
+    assert (np.abs(cloth.positions()[[0, 2], 2] - 0.01) > 1e-3).all()
+    assert scene.compile() is compiled
+
+
+def test_bodies_come_and_go_between_steps() -> None:
+    simulation, soft = falling_cube(0.06, contact=True)
+    simulation.run(2)
+    velocity = simulation.velocity_of(soft)
+    stiff = AffineBody(simulation.scene, "stiff", CUBE.translated((0.02, 0.0, 0.2)))
+    simulation.add(stiff)
+    np.testing.assert_array_equal(simulation.velocity_of(soft), velocity)
+    simulation.run(3)
+    assert stiff.positions()[:, 2].mean() < 0.2 - 1e-3
+    assert soft.positions()[:, 2].min() > 0.0
+    low = soft.positions()
+    simulation.remove(soft)
+    stiff_before = stiff.positions()
+    simulation.run(2)
+    np.testing.assert_array_equal(soft.positions(), low)  # no target any more
+    assert (stiff.positions()[:, 2] < stiff_before[:, 2]).all()
+    assert [body.name for body in simulation.bodies] == ["ground", "stiff"]
+    with pytest.raises(SceneError, match="'soft' is not in this simulation"):
+        simulation.remove(soft)
+    with pytest.raises(SceneError, match="nothing can move"):
+        simulation.remove(stiff)
+
+
+def test_a_body_that_intersects_is_not_added() -> None:
+    simulation, soft = falling_cube(0.06, contact=True)
+    inside = AffineBody(simulation.scene, "inside", CUBE.translated((0.03, 0.02, 0.07)))
+    with pytest.raises(IntersectionError, match=r"soft|inside"):
+        simulation.add(inside)
+    assert [body.name for body in simulation.bodies] == ["soft", "ground"]
+    simulation.step()
+    assert soft.positions()[:, 2].min() < 0.01
+
+
+def test_callbacks_are_called_with_the_simulation() -> None:
+    simulation, _ = falling_cube()
+    calls: list[tuple[str, int]] = []
+    simulation.before_step.append(lambda s: calls.append(("before", s.frame)))
+    simulation.after_step.append(lambda s: calls.append(("after", s.frame)))
+    simulation.run(2)
+    assert calls == [("before", 0), ("after", 1), ("before", 1), ("after", 2)]
+
+
+def test_a_step_that_fails_is_undone_and_can_be_repeated_from_its_file() -> None:
+    simulation, soft = falling_cube()
+    simulation.run(2)
+    before, velocity = soft.positions(), simulation.velocity_of(soft)
+    # From here on the energy is not finite.
+    poison = soft.vertices.add_constant("poison", 1, 1, value=np.ones(8))
+    soft.add_energy(soft.vertices.add_attribute("bad", computed_attribute=poison.log() * soft.position[2]))
+    poison.update_value(-np.ones(8))
+    with pytest.raises((NotConvergedError, NotFiniteError)) as caught:
+        simulation.step()
+    np.testing.assert_array_equal(soft.positions(), before)
+    np.testing.assert_array_equal(simulation.velocity_of(soft), velocity)
+    assert (simulation.frame, simulation.time) == (2, pytest.approx(2 * DT))
+    (note,) = caught.value.__notes__
+    file = Path(note.split("is in ")[1].split(": simulation.restore")[0])
+    assert file.is_file()
+
+    again, other = falling_cube()
+    again.restore(file)
+    np.testing.assert_array_equal(other.positions(), before)
+    np.testing.assert_array_equal(again.velocity_of(other), velocity)
+    assert again.frame == 2
+    scene = Scene("other", threads=1)
+    with pytest.raises(SceneError, match="state of another scene"):
+        Simulation(scene, [SoftBody(scene, "b", CUBE)], contact=False).restore(file)
+
+
+def test_what_a_simulation_refuses() -> None:
+    scene, other = Scene("s", threads=1), Scene("o", threads=1)
+    soft = SoftBody(scene, "soft", CUBE)
+    with pytest.raises(SceneError, match="nothing can move"):
+        Simulation(scene, [])
+    scene = Scene("s", threads=1)
+    with pytest.raises(SceneError, match="belongs to another scene"):
+        Simulation(scene, [soft])
+    with pytest.raises(SceneError, match="time_step must be positive"):
+        Simulation(other, [SoftBody(other, "soft", CUBE)], time_step=0.0)
+    simulation, body = falling_cube()
+    with pytest.raises(SceneError, match=r"the velocity of soft is \[3\] or \[8, 3\]"):
+        simulation.set_velocity(body, np.zeros((3, 8)))

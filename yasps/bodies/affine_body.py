@@ -1,0 +1,56 @@
+"""Stiff bodies with twelve unknowns."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from yasps import Scene, SceneError
+from yasps.bodies.body import Body, check_density
+from yasps.frontend import materials
+from yasps.frontend.tetrahedral_mesh import TetrahedralMesh
+
+
+class AffineBody(Body):
+    """Every vertex is A r + t, and A stays nearly a rotation (Lan et al. 2022; paper, 10.1).
+
+    `body`: `affine_matrix` A and `translation` t (targets), `stiffness` [J], `orthogonality`. `vertices`: `position`,
+    `rest_position` r [m], counted from the middle of the vertices, `mass`.
+    """
+
+    meets_itself = False
+
+    def __init__(
+        self,
+        scene: Scene,
+        name: str,
+        shape: TetrahedralMesh,
+        *,
+        density: float = 1000.0,
+        youngs_modulus: float = 1e7,
+    ) -> None:
+        """Adds the body where the mesh lies.
+
+        density [kg/m^3]; youngs_modulus [Pa]: times the volume, it resists stretch and shear. Raises SceneError for
+        numbers out of range, NameTakenError.
+        """
+        check_density(name, density, "kg/m^3")
+        if not youngs_modulus > 0:
+            raise SceneError(f"{name}: youngs_modulus must be positive, got {youngs_modulus} Pa")
+        super().__init__(scene, name)
+        self.rest, self.cells, self.triangles = shape.vertices, {"tetra": shape.tets}, shape.surface_triangles()
+        self.body = self.mesh.add_primitive("body", num_instances=1)
+        center = shape.vertices.mean(axis=0)
+        matrix = self.body.add_attribute("affine_matrix", rows=3, cols=3, value=np.eye(3))
+        translation = self.body.add_attribute("translation", rows=3, cols=1, value=center)
+        stiffness = self.body.add_constant("stiffness", 1, 1, value=youngs_modulus * shape.volumes().sum())
+        orthogonality = materials.affine_orthogonality(matrix, stiffness)
+        self.add_energy(self.body.add_attribute("orthogonality", computed_attribute=orthogonality))
+        self.targets, self.falling = (matrix, translation), (translation,)
+
+        self.vertices = self.mesh.add_primitive("vertices", num_instances=len(shape.vertices))
+        of_body = self.vertices.add_connectivity("of_body", self.body, np.zeros(len(shape.vertices), int), 1)
+        own_matrix = self.vertices.add_attribute("affine_matrix", through=of_body, source=matrix).reshape(3, 3)
+        own_translation = self.vertices.add_attribute("translation", through=of_body, source=translation).reshape(3, 1)
+        rest = self.vertices.add_constant("rest_position", rows=3, cols=1, value=shape.vertices - center)
+        self.vertices.add_attribute("position", computed_attribute=own_matrix * rest + own_translation)
+        self.vertices.add_constant("mass", rows=1, cols=1, value=shape.vertex_masses(density))

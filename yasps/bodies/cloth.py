@@ -1,0 +1,75 @@
+"""Cloth of triangles."""
+
+from __future__ import annotations
+
+from yasps import Scene
+from yasps.bodies.body import Body, check_density
+from yasps.frontend import materials
+from yasps.frontend.shapes import TriangleMesh
+from yasps.frontend.triangles import hinge_stiffness, hinges_of, triangle_vertex_masses
+
+
+class Cloth(Body):
+    """Baraff-Witkin triangles and hinges that bend; each vertex is free.
+
+    `vertices`: `position` (a target), `rest_position`, `mass`. `triangle_elements`: `corners`, `positions`,
+    `rest_edges_inverse`, `rest_area`, `deformation_gradient`, `membrane`. `hinges`: `corners`, `positions`,
+    `stiffness` [J], `bending`.
+    """
+
+    def __init__(
+        self,
+        scene: Scene,
+        name: str,
+        shape: TriangleMesh,
+        *,
+        area_density: float = 0.2,
+        stretch: float = 1e3,
+        shear: float = 1e2,
+        bending: float = 1e-5,
+        compression: float = 1.0,
+        warp: tuple[float, float, float] = (1.0, 0.0, 0.0),
+    ) -> None:
+        """Adds the cloth, at rest where the mesh lies.
+
+        area_density [kg/m^2]; stretch, shear [J/m^2]; bending [J]; compression: share of `stretch` that resists
+        shortening; warp: direction of the warp threads, projected into each triangle. Raises SceneError,
+        NameTakenError.
+        """
+        check_density(name, area_density, "kg/m^2")
+        inverse, area = materials.rest_triangles(shape.vertices, shape.triangles, warp)
+        super().__init__(scene, name)
+        self.rest, self.cells, self.triangles = shape.vertices, {"triangle": shape.triangles}, shape.triangles
+        self.vertices = self.mesh.add_primitive("vertices", num_instances=len(shape.vertices))
+        position = self.vertices.add_attribute("position", rows=3, cols=1, value=shape.vertices)
+        self.vertices.add_constant("rest_position", rows=3, cols=1, value=shape.vertices)
+        mass = triangle_vertex_masses(shape.vertices, shape.triangles, area_density)
+        self.vertices.add_constant("mass", rows=1, cols=1, value=mass)
+        self.targets = self.falling = (position,)
+
+        self.triangle_elements = self.mesh.add_primitive("triangles", num_instances=len(shape.triangles))
+        corners = self.triangle_elements.add_connectivity("corners", self.vertices, shape.triangles, 3)
+        positions = self.triangle_elements.add_attribute("positions", through=corners, source=position)
+        rest_edges_inverse = self.triangle_elements.add_constant("rest_edges_inverse", rows=2, cols=2, value=inverse)
+        rest_area = self.triangle_elements.add_constant("rest_area", rows=1, cols=1, value=area)
+        deformation = self.triangle_elements.add_attribute(
+            "deformation_gradient", computed_attribute=materials.triangle_deformation(positions, rest_edges_inverse)
+        )
+        membrane = materials.baraff_witkin(
+            deformation,
+            self.mesh.add_constant("stretch", 1, 1, value=stretch),
+            self.mesh.add_constant("shear", 1, 1, value=shear),
+            rest_area,
+            compression=compression,
+        )
+        self.add_energy(self.triangle_elements.add_attribute("membrane", computed_attribute=membrane))
+
+        hinges = hinges_of(shape.triangles)
+        if len(hinges) == 0:  # a single triangle can't bend
+            return
+        self.hinges = self.mesh.add_primitive("hinges", num_instances=len(hinges))
+        of_hinge = self.hinges.add_connectivity("corners", self.vertices, hinges, 4)
+        x = self.hinges.add_attribute("positions", through=of_hinge, source=position)
+        stiffness = hinge_stiffness(shape.vertices, hinges, bending)
+        bends = materials.hinge_bending(x, self.hinges.add_constant("stiffness", 1, 1, value=stiffness))
+        self.add_energy(self.hinges.add_attribute("bending", computed_attribute=bends))

@@ -1,0 +1,391 @@
+"""Bodies, contact and time steps together: what a scene of moving things usually needs, and no more.
+
+`Simulation` writes what a user would write with the language: inertia and gravity on every vertex, the union of all
+vertices with contact on it, targets, backward Euler. The scene stays the user's: energies of one's own are added to it
+in the next line.
+"""
+
+from __future__ import annotations
+
+import tempfile
+import time
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from pathlib import Path
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from yasps import Attribute, Primitive, Scene, SceneError, YaspsError
+from yasps.bodies.body import Body
+from yasps.frontend import materials
+from yasps.frontend.contact import BarrierContact
+from yasps.frontend.newton import BackwardEuler, MovingPart, NewtonReport, NewtonSettings
+from yasps.frontend.progress import FrameProgress, TimeTable
+from yasps.frontend.tetrahedral_mesh import Float64Array
+
+PIN_STIFFNESS = 1e3
+"""Stiffness of a pin, in masses of its body over the squared time step: a body that hangs on one sinks by
+g dt^2 / 1e3."""
+
+
+class Recorder(Protocol):
+    """What `run` shows every frame to."""
+
+    def record(self, simulation: Simulation) -> None:
+        """Notes the state as it is now."""
+
+
+class Pins:
+    """Vertices of one body that are held at places by stiff springs."""
+
+    def __init__(self, primitive: Primitive) -> None:
+        self.primitive = primitive
+
+    def move_to(self, places: ArrayLike) -> None:
+        """Other places [m], [n, 3], for the next step. Raises DataError."""
+        self.primitive["place"].update_value(places)
+
+    def release(self) -> None:
+        """Lets go of all vertices; nothing is compiled again."""
+        self.primitive.update(vertex=np.empty((0, 1), np.int32), place=np.empty((0, 3)), stiffness=np.empty(0))
+
+
+class Simulation:
+    """Steps bodies of one scene through time.
+
+    scene: the one that the bodies were added to. bodies: at least one that moves. time_step [s]. gravity [m/s^2].
+    activation_distance [m]: surfaces closer than this repel; default 1/1000 of the diagonal of the box around what
+    moves. contact_stiffness [J/m^4]: kappa of the barrier; default 10 N over the cubed activation distance. contact:
+    False for none at all. velocities: body -> velocity at the start [m/s], one or one for each vertex. settings: of
+    Newton's method; by default the tolerance is a tenth of the activation distance a step, at most 2e-3 m/s.
+
+    `gravity` is a constant of the scene that can be changed between steps; `before_step` and `after_step` are lists of
+    functions that are called with the simulation.
+
+    Raises SceneError, IntersectionError if surfaces cross at the start.
+    """
+
+    def __init__(
+        self,
+        scene: Scene,
+        bodies: Sequence[Body],
+        *,
+        time_step: float = 0.01,
+        gravity: ArrayLike = (0.0, 0.0, -9.8),
+        contact: bool = True,
+        activation_distance: float | None = None,
+        contact_stiffness: float | None = None,
+        velocities: Mapping[Body, ArrayLike] | None = None,
+        settings: NewtonSettings | None = None,
+        times: TimeTable | None = None,
+    ) -> None:
+        self.scene = scene
+        self.bodies: list[Body] = []
+        self.before_step: list[Callable[[Simulation], None]] = []
+        self.after_step: list[Callable[[Simulation], None]] = []
+        self.times = times or TimeTable()
+        self.frame = 0
+        self._has_contact = contact
+        self._given = (activation_distance, contact_stiffness, settings)
+        self._predicted: dict[Body, Attribute] = {}
+        self._unions = self._pins = 0
+        self.contact: BarrierContact | None = None
+        if not time_step > 0:
+            raise SceneError(f"time_step must be positive, got {time_step} s")
+        self.time_step = scene.add_constant("time_step", 1, 1, value=time_step)
+        self.gravity = scene.add_constant("gravity", 3, 1, value=gravity)
+        self._check(bodies)
+        for body in bodies:
+            self._take(body)
+        self._connect({})
+        for body, velocity in (velocities or {}).items():
+            self.set_velocity(body, velocity)
+
+    # -- bodies --------------------------------------------------------------------------------------------
+
+    @property
+    def moving(self) -> list[Body]:
+        """The bodies that are not fixed."""
+        return [body for body in self.bodies if not body.is_fixed]
+
+    def add(self, *bodies: Body) -> None:
+        """Adds bodies of the same scene between steps. What touches the union of all vertices is compiled again: its
+        positions and contact; energies of the bodies that were there come from the cache.
+
+        Raises SceneError, IntersectionError; nothing is added then.
+        """
+        self._check([*self.bodies, *bodies])
+        before = self._motion()
+        for body in bodies:
+            self._take(body)
+        try:
+            self._connect(before)
+        except YaspsError:
+            for body in bodies:
+                self._forget(body)
+            raise
+
+    def remove(self, *bodies: Body) -> None:
+        """Takes bodies away between steps, with all energies that they added; the same is compiled again as in `add`.
+
+        Raises SceneError for a body that is not there, or if nothing would move any more.
+        """
+        for body in bodies:
+            self._number_of(body)
+        self._check([body for body in self.bodies if body not in bodies])
+        before = self._motion()
+        for body in bodies:
+            self._forget(body)
+        self._connect(before)
+
+    def _check(self, bodies: Sequence[Body]) -> None:
+        for body in bodies:
+            if not isinstance(body, Body):
+                raise SceneError(f"a simulation is made of bodies (yasps.bodies), got {body!r}")
+            if body.scene is not self.scene:
+                raise SceneError(f"body {body.name!r} belongs to another scene")
+        if len(set(bodies)) != len(bodies):
+            raise SceneError("a body is named twice")
+        if all(body.is_fixed for body in bodies):
+            raise SceneError("nothing can move: give the simulation at least one body that is not fixed")
+
+    def _take(self, body: Body) -> None:
+        """Inertia and gravity of a body."""
+        self.bodies.append(body)
+        if body.is_fixed:
+            return
+        vertices = body.vertices
+        if "predicted" not in vertices.attributes:
+            predicted = vertices.add_constant("predicted", rows=3, cols=1, value=body.positions())
+            inertia = materials.inertia(body.position, predicted, body.mass, self.time_step)
+            vertices.add_attribute("inertia", computed_attribute=inertia)
+            weight = materials.gravity(body.position, body.mass, self.gravity)
+            vertices.add_attribute("gravity", computed_attribute=weight)
+        self._predicted[body] = vertices["predicted"]
+        registered = self.scene.energies
+        for energy in (vertices["inertia"], vertices["gravity"], *body.energies):
+            if energy not in registered:
+                self.scene.add_energy(energy)
+        self.scene.add_minimize_target(list(body.targets))
+
+    def _forget(self, body: Body) -> None:
+        self.bodies.remove(body)
+        if body.is_fixed:
+            return
+        for energy in (body.vertices["inertia"], body.vertices["gravity"], *body.energies):
+            self.scene.remove_energy(energy)
+        self.scene.remove_minimize_target(list(body.targets))
+
+    def _connect(self, velocities: Mapping[Body, Float64Array]) -> None:
+        """The union of all vertices, contact on it, and a stepper that starts with these velocities."""
+        activation_distance, contact_stiffness, settings = self._given
+        if activation_distance is None:
+            corners = np.concatenate([body.positions() for body in self.moving])
+            activation_distance = 1e-3 * float(np.linalg.norm(np.ptp(corners, axis=0)))
+        self.activation_distance = activation_distance
+        if self._has_contact:
+            contact = self._add_contact(contact_stiffness or 10.0 / activation_distance**3)
+            if self.contact is not None:
+                for primitive in self.contact.primitives.values():
+                    self.scene.remove_energy(primitive["barrier"])
+            self.contact = contact
+        time_step = float(self.time_step.value[0])
+        self.stepper = BackwardEuler(
+            self.scene,
+            [MovingPart(body.position, self._predicted[body], body.mass) for body in self.moving],
+            time_step,
+            self.contact,
+            accelerations={target: self.gravity.value for body in self.moving for target in body.falling},
+            # Newton stops well inside the activation distance, or contact forces would be left half-balanced.
+            settings=settings
+            or NewtonSettings(velocity_tolerance=min(2e-3, 0.1 * activation_distance / time_step), max_iterations=500),
+            times=self.times,
+        )
+        for body, velocity in velocities.items():
+            if body in self.bodies:
+                self.set_velocity(body, velocity)
+
+    def _add_contact(self, stiffness: float) -> BarrierContact:
+        everything = self.scene.add_mesh(f"everything_{self._unions}" if self._unions else "everything")
+        self._unions += 1
+        union = everything.add_primitive_union("vertices", [body.vertices for body in self.bodies])
+        union.add_attribute("position")
+        counts = [len(body.rest) for body in self.bodies]
+        triangles = [body.triangles + start for body, start in zip(self.bodies, union.offsets(), strict=False)]
+        groups = [-1 if body.meets_itself else number for number, body in enumerate(self.bodies)]
+        return BarrierContact(
+            everything,
+            union,
+            np.concatenate(triangles),
+            activation_distance=self.activation_distance,
+            stiffness=stiffness,
+            fixed=np.repeat([body.is_fixed for body in self.bodies], counts),
+            group=np.repeat(groups, counts),
+            objects={body.name: len(body.rest) for body in self.bodies},
+            rest_positions=np.concatenate([body.rest for body in self.bodies]),
+        )
+
+    def _number_of(self, body: Body) -> int:
+        if body not in self.bodies:
+            raise SceneError(f"body {body.name!r} is not in this simulation; it has {[b.name for b in self.bodies]}")
+        return self.moving.index(body) if not body.is_fixed else -1
+
+    # -- motion --------------------------------------------------------------------------------------------
+
+    def velocity_of(self, body: Body) -> Float64Array:
+        """Velocities of a body's vertices [m/s], [n, 3]; zero for a fixed one."""
+        number = self._number_of(body)
+        return np.zeros((len(body.rest), 3)) if number < 0 else self.stepper.velocities[number].copy()
+
+    def set_velocity(self, body: Body, velocity: ArrayLike, angular: ArrayLike = (0.0, 0.0, 0.0)) -> None:
+        """Velocity of a body for the next step [m/s], one or one for each vertex [n, 3], and its rotation [rad/s] about
+        its centre of mass. Raises SceneError for a fixed body or a wrong shape."""
+        number = self._number_of(body)
+        if number < 0:
+            raise SceneError(f"{body.name} is fixed and has no velocity")
+        given, turning = np.asarray(velocity, dtype=np.float64), np.asarray(angular, dtype=np.float64)
+        positions = body.positions()
+        if given.shape not in ((3,), positions.shape) or turning.shape != (3,):
+            raise SceneError(
+                f"the velocity of {body.name} is [3] or {list(positions.shape)} and its rotation [3], got "
+                f"{list(given.shape)} and {list(turning.shape)}"
+            )
+        mass = body.mass.value
+        arms = positions - mass @ positions / mass.sum()
+        self.stepper.velocities[number] = given + np.cross(turning, arms)
+
+    def _motion(self) -> dict[Body, Float64Array]:
+        return {body: self.velocity_of(body) for body in self.moving}
+
+    def pin(self, body: Body, vertices: Iterable[int], stiffness: float | None = None) -> Pins:
+        """Holds vertices of a body where they are, by springs of this stiffness [N/m] (default: so stiff that the whole
+        body on one pin sinks by gravity * time_step^2 / 1000).
+
+        The first pins of a scene are one more energy and compile; moving and releasing pins does not.
+        Raises SceneError, ConnectivityError for vertices that are not there.
+        """
+        if self._number_of(body) < 0:
+            raise SceneError(f"{body.name} is fixed already")
+        chosen = np.asarray(list(vertices), dtype=np.int64)
+        if stiffness is None:
+            stiffness = PIN_STIFFNESS * float(body.mass.value.sum()) / float(self.time_step.value[0]) ** 2
+        self._pins += 1
+        pins = body.mesh.add_primitive(f"pins_{self._pins}", 0, is_dynamic=True)
+        vertex = pins.add_connectivity("vertex", body.vertices, [], 1)
+        x = pins.add_attribute("position", through=vertex, source=body.position)
+        place, strength = pins.add_constant("place", 3, 1), pins.add_constant("stiffness", 1, 1)
+        body.add_energy(pins.add_attribute("anchor", computed_attribute=materials.anchor(x, place, strength)))
+        places = body.positions()[chosen]
+        pins.update(vertex=chosen.reshape(-1, 1), place=places, stiffness=np.full(len(chosen), stiffness))
+        return Pins(pins)
+
+    def add_force(self, body: Body, force: ArrayLike = (0.0, 0.0, 0.0), name: str = "force") -> Attribute:
+        """A force [N] on each vertex of a body, one for all or [n, 3]; returns the attribute, to change it by
+        `update_value` between steps. It compiles once. Raises SceneError, NameTakenError."""
+        if self._number_of(body) < 0:
+            raise SceneError(f"{body.name} is fixed: a force does nothing to it")
+        values = np.broadcast_to(np.asarray(force, dtype=np.float64), body.rest.shape)
+        field = body.vertices.add_constant(name, 3, 1, value=values)
+        load = materials.dead_load(body.position, field)
+        body.add_energy(body.vertices.add_attribute(f"{name}_load", computed_attribute=load))
+        return field
+
+    # -- steps ---------------------------------------------------------------------------------------------
+
+    @property
+    def time(self) -> float:
+        """Time that has passed [s]."""
+        return self.stepper.time
+
+    def energy(self) -> float:
+        """Kinetic, elastic, gravitational and contact energy together [J]."""
+        values = self.scene.energy_values()
+        potential = sum(float(v.sum()) for path, v in values.items() if not path.endswith(".vertices.inertia"))
+        return potential + self.stepper.kinetic_energy()
+
+    def step(self) -> NewtonReport:
+        """One time step.
+
+        A step that fails leaves the state as it was before it, and writes that state to a file; the error says where.
+        `restore(file)` and `step()` then fail again in the same way. Raises NotConvergedError, NotFiniteError,
+        IntersectionError.
+        """
+        for call in self.before_step:
+            call(self)
+        before = self.state()
+        try:
+            report = self.stepper.step()
+        except YaspsError as error:
+            self._set_state(before)
+            file = Path(tempfile.mkdtemp(prefix="yasps-")) / f"{self.scene.name}-step-{self.frame + 1}.npz"
+            np.savez(file, allow_pickle=False, **before)
+            error.add_note(
+                f"step {self.frame + 1} of {self.scene.name} (t = {self.time:.6g} s) failed; the state before it is in "
+                f"{file}: simulation.restore({str(file)!r}) and simulation.step() repeat it"
+            )
+            raise
+        self.frame += 1
+        for call in self.after_step:
+            call(self)
+        return report
+
+    def run(self, frames: int, recorder: Recorder | None = None) -> list[NewtonReport]:
+        """So many steps, with progress shown and intersections looked for after each. The recorder also sees the start.
+
+        Raises what `step` raises, and IntersectionError should surfaces ever cross.
+        """
+        reports = []
+        if recorder is not None and self.frame == 0:
+            recorder.record(self)
+        with FrameProgress(frames) as progress:
+            for frame in range(1, frames + 1):
+                begin = time.perf_counter()
+                report = self.step()
+                seconds = time.perf_counter() - begin
+                self.check_intersection_free()
+                if recorder is not None:
+                    with self.times.stage("output"):
+                        recorder.record(self)
+                reports.append(report)
+                progress.update(
+                    frame=frame,
+                    newton_iterations=report.iterations,
+                    cg_iterations=report.cg_iterations,
+                    contacts=report.contacts,
+                    milliseconds=1e3 * seconds,
+                )
+        return reports
+
+    def check_intersection_free(self) -> None:
+        """Raises IntersectionError, with names, if surfaces cross or touch."""
+        if self.contact is not None:
+            with self.times.stage("check: no intersection"):
+                self.contact.geometry.check_intersection_free(self.contact.positions())
+
+    # -- state ---------------------------------------------------------------------------------------------
+
+    def state(self) -> dict[str, Float64Array]:
+        """All that the next step depends on apart from the scene itself, by name."""
+        numbers = {f"target/{target.path}": target.value for target in self.scene.minimize_targets}
+        numbers |= {f"velocity/{body.name}": self.velocity_of(body) for body in self.moving}
+        return numbers | {"time": np.array(self.time), "frame": np.array(float(self.frame))}
+
+    def restore(self, file: str | Path) -> None:
+        """Sets the state to that of a file that a failed step wrote. Raises SceneError if it is of another scene."""
+        with np.load(file, allow_pickle=False) as stored:
+            state = {name: np.asarray(stored[name]) for name in stored.files}
+        here = self.state()
+        if {name: value.shape for name, value in here.items()} != {name: value.shape for name, value in state.items()}:
+            differing = sorted(set(here) ^ set(state)) or [n for n in here if here[n].shape != state[n].shape]
+            raise SceneError(f"{file} is the state of another scene: {differing[0]} differs")
+        self._set_state(state)
+
+    def _set_state(self, state: Mapping[str, Float64Array]) -> None:
+        for target in self.scene.minimize_targets:
+            target.update_value(state[f"target/{target.path}"])
+        for number, body in enumerate(self.moving):
+            self.stepper.velocities[number] = np.array(state[f"velocity/{body.name}"])
+        self.stepper.time, self.frame = float(state["time"]), int(state["frame"])
+        if self.contact is not None:
+            self.contact.reset()
