@@ -23,19 +23,21 @@ static __device__ inline long merge_leaves(const yasps_sink& sink, const int* ka
     return leaves;
 }
 
-// Adds entry (r, c) of a symmetric matrix and, when r is not c, entry (c, r), merged.
-static __device__ inline void add_merged(double* packed, long width, const int* to, long r, long c, double value) {
-    packed[packed_at(width, to[r], to[c])] += r != c && to[r] == to[c] ? 2.0 * value : value;
+// Packed triangles lie in the workspace, entry k at packed[k * step]. Adds entry (r, c) of a symmetric matrix and, when
+// r is not c, entry (c, r), merged.
+static __device__ inline void add_merged(double* packed, long step, long width, const int* to, long r, long c,
+                                         double value) {
+    packed[step * packed_at(width, to[r], to[c])] += r != c && to[r] == to[c] ? 2.0 * value : value;
 }
 
 // Adds row r of the block between two slots whose rows begin at p and q; of one slot's own block its upper triangle.
-static __device__ inline void add_merged_row(double* packed, long width, const int* to, long p, long r, long q,
-                                             long breadth, const double* row) {
-    for (long c = p == q ? r : 0; c < breadth; ++c) add_merged(packed, width, to, p + r, q + c, row[c]);
+static __device__ inline void add_merged_row(double* packed, long step, long width, const int* to, long p, long r,
+                                             long q, long breadth, const double* row) {
+    for (long c = p == q ? r : 0; c < breadth; ++c) add_merged(packed, step, width, to, p + r, q + c, row[c]);
 }
 
 static __device__ inline void scatter_merged(const yasps_sink& sink, const long* position, long capacity, long leaves,
-                                             const int* leaf, const int* start, const double* packed) {
+                                             const int* leaf, const int* start, const double* packed, long step) {
     const long width = start[leaves];
     for (long a = 0; a < leaves; ++a)
         for (long b = a; b < leaves; ++b) {
@@ -45,6 +47,6 @@ static __device__ inline void scatter_merged(const yasps_sink& sink, const long*
             for (long r = 0; r < rows; ++r)
                 for (long c = 0; c < cols; ++c)
                     atomicAdd(to + (where & 1 ? c * rows + r : r * cols + c),
-                              packed[packed_at(width, start[a] + r, start[b] + c)]);
+                              packed[step * packed_at(width, start[a] + r, start[b] + c)]);
         }
 }

@@ -20,6 +20,7 @@ if TYPE_CHECKING:
 LARGEST_STACK = 2560
 """Bytes of a thread's stack that a Hessian and its projection may take; larger ones go to global memory."""
 
+ALL_THREADS = "(long)gridDim.x * blockDim.x"
 LARGEST_SMALL_WIDTH = 6
 """Of a local Hessian whose kernel needs few registers."""
 
@@ -68,7 +69,7 @@ def derivative_body(text: CudaObjectText, derivative: DerivativeOp) -> list[str]
     return [
         f"const yasps_sink sink = {{{', '.join(name for _, name in _FIELDS)}}};",
         f"const long thread = {THIS_THREAD};",
-        "for (long i = thread; i < count; i += (long)gridDim.x * blockDim.x) {",
+        f"for (long i = thread; i < count; i += {ALL_THREADS}) {{",
         *indented(text.gather_scalar("double")),
         *indented(declared),
         f"    {text.call(derive, text.names(), outputs, 'double')}",
@@ -159,10 +160,8 @@ def _projection(text: CudaObjectText, width: int, entries: int) -> list[str]:
     if 8 * (entries + work) <= LARGEST_STACK:
         return [f"double work[{work}];", f"const int changed = yasps_project(middle, {width}, (int)mode, work);"]
     text.workspace = work
-    return [
-        f"double* const work = sink.workspace + thread * {work};",
-        f"const int changed = yasps_project(middle, {width}, (int)mode, work);",
-    ]
+    call = f"yasps_project_apart(middle, 1, {width}, (int)mode, sink.workspace + thread, {ALL_THREADS})"
+    return [f"const int changed = {call};"]
 
 
 def _scatter(text: CudaObjectText, slots: list[Slot], packed: str) -> list[str]:
@@ -208,8 +207,9 @@ def _merged_hessian(
     lines = [
         f"int leaf[{capacity}], start[{capacity + 1}], to[{rows}];",
         f"const long leaves = merge_leaves(sink, kappa, {capacity}, leaf, start, to), width = start[leaves];",
-        f"double* const packed = sink.workspace + thread * {text.workspace};",
-        "for (long k = 0; k < width * (width + 1) / 2; ++k) packed[k] = 0.0;",
+        f"const long step = {ALL_THREADS};",
+        "double* const packed = sink.workspace + thread;",
+        "for (long k = 0; k < width * (width + 1) / 2; ++k) packed[k * step] = 0.0;",
         *row_starts(text, ranges),
     ]
     if has_hessian:
@@ -217,7 +217,8 @@ def _merged_hessian(
     lines += curve_behind(text, ranges, "gradient")
     return [
         *lines,
-        f"const int changed = yasps_project(packed, (int)width, (int)mode, packed + {triangle});",
+        f"double* const work = packed + {triangle} * step;",
+        "const int changed = yasps_project_apart(packed, step, (int)width, (int)mode, work, step);",
         *_use_of_changed(),
-        f"scatter_merged(sink, position, {capacity}, leaves, leaf, start, packed);",
+        f"scatter_merged(sink, position, {capacity}, leaves, leaf, start, packed, step);",
     ]

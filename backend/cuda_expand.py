@@ -80,11 +80,11 @@ def row_starts(text: CudaObjectText, ranges: Sequence[SlotRange]) -> list[str]:
 
 
 def expand_merged(text: CudaObjectText, ranges: Sequence[SlotRange], triangle: str) -> list[str]:
-    """Adds J^T H J to the packed triangle `packed`; needs `at`, `to` and `width`."""
+    """Adds J^T H J to the packed triangle `packed`; needs `step`, `at`, `to` and `width`."""
 
     def add(one: SlotRange, other: SlotRange) -> str:
         p, q = f"at[{one.first} + s]", f"at[{other.first} + t]"
-        return f"add_merged_row(packed, width, to, {p}, r, {q}, breadth, row);"
+        return f"add_merged_row(packed, step, width, to, {p}, r, {q}, breadth, row);"
 
     return expand(text, ranges, triangle, add)
 

@@ -2,7 +2,8 @@
 
 The entry points are those of cpp_object, with these differences: `X_batch(a, count, out)` and `X_derive(a, count, ...)`
 are kernels; `X_pull(a, i, b, out)` takes one vector b, and without it only counts its rows; `X_curve` adds to a packed
-upper triangle in which leaves with one place are merged, where row r of the source is row to[r] of the triangle.
+upper triangle in which leaves with one place are merged, where row r of the source is row to[r] of the triangle and
+entry k stands at packed[k * step].
 """
 
 from __future__ import annotations
@@ -81,7 +82,7 @@ class CudaObjectText(ObjectText):
         "value": ("void", "{}*"),
         "pull": ("long", "const double*, double*"),
         "second": ("void", "const double*, double*"),
-        "curve": ("void", "const double*, double*, long, const int*"),
+        "curve": ("void", "const double*, double*, long, long, const int*"),
     }
 
     def __init__(self, emitter: ObjectEmitter, name: str, container: ObjectOp) -> None:
@@ -137,7 +138,7 @@ class CudaObjectText(ObjectText):
             return ""
         definition = self.scene.jacobians[source].symbol if source in self.scene.jacobians else source
         function, arguments = self.callee(definition, "curve")
-        return f"{function}({arguments}, {index}, {v}, packed, width, {to});"
+        return f"{function}({arguments}, {index}, {v}, packed, step, width, {to});"
 
     def index_in(self, slots: SlotRange, k: str) -> str:
         """Which instance slot k of the range reads."""
@@ -225,4 +226,6 @@ class CudaObjectText(ObjectText):
         self.kernel("derive", PARAMETERS, derivative_body(self, derivative), blocks_at_once(self, derivative))
 
 
-CURVE_SIGNATURE = f"void {SELF}_curve(Arguments a, long i, const double* v, double* packed, long width, const int* to)"
+CURVE_SIGNATURE = (
+    f"void {SELF}_curve(Arguments a, long i, const double* v, double* packed, long step, long width, const int* to)"
+)

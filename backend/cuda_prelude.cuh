@@ -11,11 +11,13 @@ struct yasps_sink {
     const int* block_size_at;     // [scalars]: size of the dof block that starts here
     long mode;                    // of projection: 0 = clamp, 1 = abs, 2 = leave
     unsigned long long* outcome;  // [2]: the first instance that is not finite; how many Hessians were projected
-    double* workspace;            // of all threads
+    double* workspace;            // of all threads: number k of thread t at k * (number of threads) + t
 };
 
 // Of the runtime: projection.cu, isotropic.cu.
 extern "C" __device__ int yasps_project(double* packed, int n, int mode, double* work);
+extern "C" __device__ int yasps_project_apart(double* packed, long packed_step, int n, int mode, double* work,
+                                              long work_step);
 extern "C" __device__ int yasps_project_isotropic(double* packed, const double* deformation, int n, int mode);
 
 // Where entry (r, c) of a symmetric n x n matrix stands in its packed upper triangle.

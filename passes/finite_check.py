@@ -2,17 +2,19 @@
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Sequence
 
 from yasps.dialects.scalar_graph import Node, ScalarGraph
+
+TINY = 1e-300
+"""Times any finite number less than 2e8, and infinite times infinity."""
 
 
 def finite_check(graph: ScalarGraph, energy: Node, derivatives: Sequence[Node]) -> Node:
     """A number that is finite where the energy is, of about its size, and costs less.
 
-    It is the energy, where each logarithm that the derivatives don't need is 0 if it is finite and else infinite: its
-    magnitude never matters, and it would take longer than all else that the derivatives don't need.
+    It is the energy, where each logarithm that the derivatives don't need is replaced by a number that is finite where
+    it is, and as harmless: to compute it would take longer than all else that the derivatives don't need.
     """
     needed = set(graph.reachable(derivatives))
     made: dict[Node, Node] = {}
@@ -31,6 +33,4 @@ def finite_check(graph: ScalarGraph, energy: Node, derivatives: Sequence[Node]) 
 
 def _finite_logarithm(graph: ScalarGraph, a: Node) -> Node:
     infinite = graph.div(graph.one, graph.zero)
-    is_positive = graph.compare("lt", graph.zero, a)
-    is_bounded = graph.compare("le", a, graph.constant(sys.float_info.max))
-    return graph.select(is_positive, graph.select(is_bounded, graph.zero, infinite), infinite)
+    return graph.select(graph.compare("lt", graph.zero, a), graph.mul(graph.constant(TINY), a), infinite)

@@ -253,7 +253,7 @@ __device__ __noinline__ int remove_negative(double* packed, const double* deform
 template <int cols>
 __device__ inline int project(double* packed, const double* deformation, int mode) {
     constexpr int width = 3 * cols;
-    const Check check = check_in_registers<width>(packed);
+    const Check check = check_of<width>(packed);
     const Outcome outcome = outcome_of(check, packed, width, mode);
     if (outcome != kUndecided) return outcome;
     double largest = 0.0;

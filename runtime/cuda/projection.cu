@@ -19,10 +19,11 @@ constexpr int kManySweeps = 4, kSweepsPerEigenvalue = 10;
 
 // Checks a matrix of any width: rows of U in A = U^T D^-1 U one after another, three columns at a time so that four
 // numbers are loaded for three multiplications. Ends at the first pivot that is not positive.
-__device__ inline bool passes(const double* packed, int n, double shift, double* work) {
-    double* const u = work;
-    double* const inverse = work + n * (n + 1) / 2;
-    double* const factor = inverse + n;
+template <class Matrix, class Work>
+__device__ inline bool passes(Matrix packed, int n, double shift, Work work) {
+    const Work u = work;
+    const Work inverse = work + n * (n + 1) / 2;
+    const Work factor = inverse + n;
     YASPS_ROLLED
     for (int i = 0; i < n; ++i) {
         const int row = i * n - i * (i + 1) / 2;
@@ -49,7 +50,8 @@ __device__ inline bool passes(const double* packed, int n, double shift, double*
     return true;
 }
 
-__device__ Check check_any(const double* packed, int n, double* work) {
+template <class Matrix, class Work>
+__device__ Check check_any(Matrix packed, int n, Work work) {
     double sum = 0.0, trace = 0.0;
     YASPS_ROLLED
     for (int i = 0, k = 0; i < n; ++i) {
@@ -62,13 +64,14 @@ __device__ Check check_any(const double* packed, int n, double* work) {
 // Reduces the symmetric matrix a (n x n, upper triangle) to tridiagonal form: diagonal d, off-diagonal e[0 .. n-2].
 // Reflection k is I - s v v^T with v in row k of a, right of the diagonal, and s below the diagonal, at (k + 1, k).
 // What is not yet needed of e is scratch.
-__device__ inline void tridiagonalise(double* a, int n, double* d, double* e) {
+template <class Work>
+__device__ inline void tridiagonalise(Work a, int n, Work d, Work e) {
     YASPS_ROLLED
     for (int k = 0; k + 2 < n; ++k) {
         const int m = n - k - 1;  // what is left to reduce: b, below and right of entry (k, k)
-        double* const v = a + k * n + k + 1;
-        double* const b = v + n;
-        double* const p = e + k + 1;
+        const Work v = a + (k * n + k + 1);
+        const Work b = v + n;
+        const Work p = e + (k + 1);
         d[k] = v[-1];
         double squared = 0.0;
         for (int i = 0; i < m; ++i) squared += v[i] * v[i];
@@ -87,7 +90,7 @@ __device__ inline void tridiagonalise(double* a, int n, double* d, double* e) {
         double half = 0.0;
         YASPS_ROLLED
         for (int i = 0; i < m; ++i) {
-            const double* const row = b + i * n;
+            const Work row = b + i * n;
             const double factor = v[i];
             double sum = p[i] + row[i] * factor;
             for (int j = i + 1; j < m; ++j) {
@@ -101,32 +104,33 @@ __device__ inline void tridiagonalise(double* a, int n, double* d, double* e) {
         for (int i = 0; i < m; ++i) p[i] = half * v[i] - scale * p[i];
         YASPS_ROLLED
         for (int i = 0; i < m; ++i) {
-            double* const row = b + i * n;
+            const Work row = b + i * n;
             const double vi = v[i], pi = p[i];
             for (int j = i; j < m; ++j) row[j] += vi * p[j] + pi * v[j];
         }
     }
-    const double* const corner = a + (n - 2) * n + n - 2;
+    const Work corner = a + ((n - 2) * n + n - 2);
     d[n - 2] = corner[0];
     e[n - 2] = corner[1];
     d[n - 1] = corner[n + 1];
 }
 
 // Puts the product of all reflections in their place, its columns as rows of a.
-__device__ inline void multiply_reflections(double* a, int n) {
-    double* const corner = a + (n - 2) * n + n - 2;
+template <class Work>
+__device__ inline void multiply_reflections(Work a, int n) {
+    const Work corner = a + ((n - 2) * n + n - 2);
     corner[0] = corner[n + 1] = 1.0;
     corner[1] = corner[n] = 0.0;
     // So far the product of those after k is known, in the rows and columns after k + 1.
     YASPS_ROLLED
     for (int k = n - 3; k >= 0; --k) {
-        const double* const v = a + k * n + k + 1;
-        double* const next = a + (k + 1) * n + k + 1;  // row k + 1
+        const Work v = a + (k * n + k + 1);
+        const Work next = a + ((k + 1) * n + k + 1);  // row k + 1
         const int m = n - k - 1;
         const double scale = next[-1];
         YASPS_ROLLED
         for (int c = 1; c < m; ++c) {
-            double* const x = next + c * n;
+            const Work x = next + c * n;
             double sum = 0.0;
             for (int i = 1; i < m; ++i) sum += v[i] * x[i];
             sum *= -scale;
@@ -143,7 +147,8 @@ __device__ inline void multiply_reflections(double* a, int n) {
 
 // Diagonalises the tridiagonal matrix: d becomes the eigenvalues, in no order. The rows of z are turned along. e has
 // room for n. False if eigenvalues were not found.
-__device__ inline bool diagonalise(double* d, double* e, int n, double* z) {
+template <class Work>
+__device__ inline bool diagonalise(Work d, Work e, int n, Work z) {
     double norm = 0.0;
     for (int i = 0; i < n; ++i) norm = fmax(norm, fabs(d[i]) + (i + 1 < n ? fabs(e[i]) : 0.0));
     // Of a multiple eigenvalue less than kEpsilon may remain for ever: it is rounding of the shifted diagonal.
@@ -176,8 +181,8 @@ __device__ inline bool diagonalise(double* d, double* e, int n, double* z) {
             cosine = zero ? 1.0 : p * over_length;
             d[i + 1] = h + sine * (cosine * g + sine * entry) + shift;
             p = zero ? entry : (p * entry - coupling * g) * over_length;
-            double* const upper = z + i * n;
-            double* const lower = upper + n;
+            const Work upper = z + i * n;
+            const Work lower = upper + n;
             for (int r = 0; r < n; ++r) {
                 const double x = upper[r], y = lower[r];
                 upper[r] = cosine * x - sine * y;
@@ -190,10 +195,11 @@ __device__ inline bool diagonalise(double* d, double* e, int n, double* z) {
 }
 
 // n > 1. size: sum of the absolute values of the entries, which are finite; the sum may be infinite.
-__device__ __noinline__ int remove_negative(double* packed, int n, bool flip, double size, double* work) {
-    double* const a = work;
-    double* const d = work + n * n;
-    double* const e = d + n;
+template <class Matrix, class Work>
+__device__ __noinline__ int remove_negative(Matrix packed, int n, bool flip, double size, Work work) {
+    const Work a = work;
+    const Work d = work + n * n;
+    const Work e = d + n;
     const Scales scale = scales_of(size);
     double trace = 0.0;
     YASPS_ROLLED
@@ -232,7 +238,8 @@ __device__ __noinline__ int remove_negative(double* packed, int n, bool flip, do
 }
 
 // A width of up to three, as a matrix of width three with zeros.
-__device__ __noinline__ int project_small(double* packed, int n, int mode) {
+template <class Matrix>
+__device__ __noinline__ int project_small(Matrix packed, int n, int mode) {
     double all[6] = {packed[0], 0.0, 0.0, 0.0, 0.0, 0.0};
     if (n > 1) {
         all[1] = packed[1];
@@ -273,14 +280,24 @@ __device__ __noinline__ int project_small(double* packed, int n, int mode) {
     return kChanged;
 }
 
+template <class Matrix, class Work>
+__device__ __forceinline__ int project(Matrix packed, int n, int mode, Work work) {
+    if (n <= 0) return kUnchanged;
+    if (n <= 3) return project_small(packed, n, mode);
+    const Check check = n == 6 ? check_of<6>(packed) : check_any(packed, n, work);
+    const Outcome outcome = outcome_of(check, packed, n, mode);
+    return outcome == kUndecided ? remove_negative(packed, n, mode == kAbsolute, check.sum, work) : outcome;
+}
+
 }  // namespace
 }  // namespace yasps
 
 extern "C" __device__ int yasps_project(double* packed, int n, int mode, double* work) {
-    using namespace yasps;
-    if (n <= 0) return kUnchanged;
-    if (n <= 3) return project_small(packed, n, mode);
-    const Check check = n == 6 ? check_in_registers<6>(packed) : check_any(packed, n, work);
-    const Outcome outcome = outcome_of(check, packed, n, mode);
-    return outcome == kUndecided ? remove_negative(packed, n, mode == kAbsolute, check.sum, work) : outcome;
+    return yasps::project(packed, n, mode, work);
+}
+
+extern "C" __device__ int yasps_project_apart(double* packed, long packed_step, int n, int mode, double* work,
+                                              long work_step) {
+    using yasps::Apart;
+    return yasps::project(Apart{packed, packed_step}, n, mode, Apart{work, work_step});
 }

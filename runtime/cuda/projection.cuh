@@ -18,6 +18,10 @@
 // n (n + 2) doubles, none of them is read before it is written; not used for n <= 3.
 extern "C" __device__ int yasps_project(double* packed, int n, int mode, double* work);
 
+// The same where number k of the matrix is packed[k * packed_step], and that of work work[k * work_step].
+extern "C" __device__ int yasps_project_apart(double* packed, long packed_step, int n, int mode, double* work,
+                                              long work_step);
+
 // The same for a Hessian with respect to F, 3x3 (n = 9) or 3x2 (n = 6), row by row, of an energy that sees only the
 // singular values of F. A matrix whose F is not finite is projected without it.
 extern "C" __device__ int yasps_project_isotropic(double* packed, const double* deformation, int n, int mode);
@@ -30,6 +34,15 @@ enum Outcome { kNotFinite = -1, kUnchanged = 0, kChanged = 1, kUndecided = 2 };
 // Eigenvalues above -kProjectionShift * (sum of |diagonal|) count as zero; as in runtime/runtime.h.
 constexpr double kProjectionShift = 1e-13;
 
+// Numbers `step` apart. In global memory that many threads work on, number k of one thread stands beside number k of
+// the next, so that a warp reads and writes whole lines; what a compiler puts on the stack it arranges so itself.
+struct Apart {
+    double* at;
+    long step;
+    __device__ double& operator[](long k) const { return at[k * step]; }
+    __device__ Apart operator+(long k) const { return {at + k * step, step}; }
+};
+
 struct Check {
     double sum;   // of the absolute values of all entries of the triangle; not finite where one is not
     bool passed;  // the matrix plus the shift has an LDL^T factorisation with a positive D
@@ -38,7 +51,8 @@ struct Check {
 // Beyond, sums and products of entries may overflow or vanish.
 __device__ inline bool in_range(double sum) { return sum < 1e290 && (sum > 1e-290 || sum == 0.0); }
 
-__device__ inline bool all_finite(const double* packed, int entries) {
+template <class Numbers>
+__device__ inline bool all_finite(Numbers packed, int entries) {
     bool finite = true;
     // Unrolled, this would be merged with other uses of the entries and keep them in registers.
     YASPS_ROLLED
@@ -47,7 +61,8 @@ __device__ inline bool all_finite(const double* packed, int entries) {
 }
 
 // What a check of a matrix tells of it. Undecided: it has to be decomposed.
-__device__ inline Outcome outcome_of(const Check& check, const double* packed, int n, int mode) {
+template <class Numbers>
+__device__ inline Outcome outcome_of(const Check& check, Numbers packed, int n, int mode) {
     if (check.passed && in_range(check.sum)) return kUnchanged;
     if (!(check.sum <= kLargest) && !all_finite(packed, n * (n + 1) / 2)) return kNotFinite;
     return mode == kLeave ? kUnchanged : kUndecided;
@@ -86,8 +101,8 @@ __device__ inline Check check_in_registers(double (&a)[n * (n + 1) / 2]) {
     }
     return {sum, passed};
 }
-template <int n>
-__device__ inline Check check_in_registers(const double* packed) {
+template <int n, class Numbers>
+__device__ inline Check check_of(Numbers packed) {
     double a[n * (n + 1) / 2];
     YASPS_UNROLLED
     for (int k = 0; k < n * (n + 1) / 2; ++k) a[k] = packed[k];

@@ -242,6 +242,21 @@ def test_generated_texts_need_nothing_else() -> None:
             assert "V" not in re.findall(r"\b\w\b", body_of(code)), "no packs of instances"
 
 
+def test_numbers_of_neighbouring_threads_stand_side_by_side_in_global_memory() -> None:
+    """Entry k of the workspace of thread t at k * threads + t: a warp reads whole lines."""
+    found = 0
+    for name in COMPILED:
+        for code in objects_of(name):
+            if code.workspace:
+                found += 1
+                body = body_of(code)
+                assert "sink.workspace + thread" in body
+                assert "thread *" not in body
+                assert "yasps_project_apart(" in body
+                assert "yasps_project(" not in body
+    assert found >= 3
+
+
 def test_every_kernel_has_launch_bounds() -> None:
     """No flag limits its registers."""
     texts = [source.text for source in runtime_sources()]

@@ -21,6 +21,13 @@ extern "C" __global__ void project_all(double* packed, long count, long n, long 
     outcome[i] = yasps_project(packed + i * (n * (n + 1) / 2), (int)n, (int)mode, work + i * n * (n + 2));
 }
 
+extern "C" __global__ void project_all_apart(double* packed, long count, long n, long mode, double* work,
+                                             long* outcome) {
+    const long i = blockIdx.x * (long)blockDim.x + threadIdx.x;
+    if (i >= count) return;
+    outcome[i] = yasps_project_apart(packed + i, count, (int)n, (int)mode, work + i, count);
+}
+
 extern "C" __global__ void project_all_isotropic(double* packed, const double* f, long count, long n, long mode,
                                                  long* outcome) {
     const long i = blockIdx.x * (long)blockDim.x + threadIdx.x;
@@ -75,6 +82,19 @@ def project(program: HostProgram, matrices: Array, mode: Projection, f: Array | 
         arguments = [packed.address, deformations.address, count, w, int(mode), outcome.address]
         device.launch(program.kernel("project_all_isotropic"), count, arguments)
     return outcome.download(), whole(packed.download(), w)
+
+
+def project_apart(program: HostProgram, matrices: Array, mode: Projection) -> tuple[Array, Array]:
+    """The same where entry k of all matrices stands together, as in the workspace of kernels."""
+    device = HostDevice()
+    count, w, _ = matrices.shape
+    packed = DeviceArray(device, np.float64, "matrices").upload(triangles(matrices).T)
+    outcome = DeviceArray(device, np.int64, "outcomes").resize(count)
+    work = DeviceArray(device, np.float64, "work").upload(np.full(count * w * (w + 2) + count, np.nan))
+    arguments = [packed.address, count, w, int(mode), work.address, outcome.address]
+    device.launch(program.kernel("project_all_apart"), count, arguments)
+    assert np.isnan(work.download()[-count:]).all(), "memory behind it keeps its bits"
+    return outcome.download(), whole(np.ascontiguousarray(packed.download().T), w)
 
 
 def packs(values: Array) -> Array:
