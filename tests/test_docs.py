@@ -271,7 +271,7 @@ def test_the_rotation_of_a_vector_is_one() -> None:
 def test_every_python_block_is_run() -> None:
     """Whoever writes one more writes a test of it."""
     shown = {name.name: len(re.findall(r"```python", name.read_text(encoding="utf-8"))) for name in DOCUMENTS}
-    run = {"README.md": 1, "architecture.md": 1, "contact-and-stepping.md": 1, "gpu.md": 1, "language.md": 5}
+    run = {"README.md": 1, "architecture.md": 1, "contact-and-stepping.md": 2, "gpu.md": 1, "language.md": 5}
     assert {name: count for name, count in shown.items() if count} == run
 
 
@@ -317,9 +317,19 @@ def test_the_report_of_kernels_runs(capsys: pytest.CaptureFixture[str]) -> None:
     assert lines[-1].startswith("link ")
 
 
+def test_the_cube_drops_and_drifts() -> None:
+    code, _ = blocks(STEPPING, "python")
+    names: dict[str, object] = {}
+    exec(code + "\nmoved = (cube.positions() - cube.rest).mean(axis=0)", names)
+    moved = names["moved"]
+    assert isinstance(moved, np.ndarray)
+    assert moved[0] > 1e-6
+    assert -1.5e-2 < moved[2] < -5e-3  # it started 10 mm up, and is soft
+
+
 def test_the_stepper_runs() -> None:
     """It checks for intersections itself; and the cube has landed on the ground without sinking in."""
-    (code,) = blocks(STEPPING, "python")
+    _, code = blocks(STEPPING, "python")
     names: dict[str, object] = {"__name__": "stepper"}
     exec(compile(code + "\nlowest = position.value[2::3].min()", "stepper", "exec"), names)
     lowest = names["lowest"]
