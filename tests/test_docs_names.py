@@ -33,6 +33,7 @@ from yasps.frontend.materials import *
 from yasps.frontend.newton import BackwardEuler, MovingPart, NewtonReport, NewtonSettings, minimize
 from yasps.passes.pipeline import run_pipeline
 from yasps.runtime.solver import SolveReport
+from yasps.simulation import Pins, Simulation
 any_: Any
 """
 
@@ -52,6 +53,8 @@ STANDS_FOR = {
     "contact": "BarrierContact",
     "geometry": "CollisionGeometry",
     "stepper": "BackwardEuler",
+    "simulation": "Simulation",
+    "pins": "Pins",
     "module": "Any",
     "data": "Any",
 }
@@ -63,6 +66,7 @@ OBJECT_OF = {
     "assemble": "compiled_scene",
     "compute": "attribute",
     "step": "stepper",
+    **dict.fromkeys(("set_velocity", "velocity_of", "add_force", "pin", "add", "remove"), "simulation"),
     **dict.fromkeys(("candidates", "covers", "active_set", "step_bound", "check_intersection_free"), "geometry"),
 }
 NO_PYTHON = re.compile(r"X_\w+\(|jit\(")  # generated functions; another library's
