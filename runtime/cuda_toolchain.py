@@ -105,7 +105,7 @@ class DeviceProgram:
     host: LinkedLibrary | None = None
 
     def cubin(self) -> bytes:
-        """The code, as `cuda.core.ObjectCode.from_cubin` takes it."""
+        """The code, as the driver loads it."""
         return self.path.read_bytes()
 
     @cached_property
