@@ -53,8 +53,8 @@ ALONE = [
     ("last_read_is_its_own", "const double x = out[n - 1]; if (i == n - 1) out[i] = x;", True),
 ]
 
-# Threads follow scripts, [steps, threads]: 0 nothing, 1 __syncwarp, 2 __syncthreads, else 4 place + kind: 0 reads,
-# 1 writes, 2 adds. 128 threads a block; place - 1 is where.
+# Threads follow scripts, [steps, threads]: 0 nothing, 1 __syncwarp, 2 __syncthreads, 3 a shuffle, else 4 place + kind:
+# 0 reads, 1 writes, 2 adds; place - 1 is where.
 FOLLOW = """
 extern "C" __global__ void follow(const int* script, long steps, long threads, double* data) {
     const long i = blockIdx.x * (long)blockDim.x + threadIdx.x;
@@ -64,6 +64,7 @@ extern "C" __global__ void follow(const int* script, long steps, long threads, d
         double* const at = data + order / 4 - 1;
         if (order == 1) __syncwarp();
         if (order == 2) __syncthreads();
+        if (order == 3) sum += __shfl_down_sync(~0u, sum, 1);
         if (order < 4) continue;
         if (order % 4 == 0) sum += *at;
         if (order % 4 == 1) *at = sum;

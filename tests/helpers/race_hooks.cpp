@@ -80,7 +80,6 @@ bool same_warp(const Access& a, const Access& b) { return a.block == b.block && 
 void keep(Access (&kept)[2], const Access& now, bool shared) {
     for (Access& a : kept)
         if (is_past(a, shared)) a = {};
-    if (!kept[0].code) kept[0] = kept[1], kept[1] = {};
     if (!kept[0].code) {
         kept[0] = now;
     } else if (!same_warp(kept[0], now)) {

