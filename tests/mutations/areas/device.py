@@ -343,8 +343,8 @@ MUTATIONS = (
     Mutation(
         "kernels: instances behind the last thread are not visited",
         "backend/cuda_derivative.py",
-        '"for (long i = thread; i < count; i += (long)gridDim.x * blockDim.x) {",',
-        '"for (long i = thread; i < count; i = count) {",',
+        "for (long i = thread; i < count; i += ",
+        "for (long i = thread; i < count; i += count + ",
         ("tests/frontend/test_cuda_scene.py::test_threads_with_a_workspace_take_several_instances",),
     ),
     Mutation(
