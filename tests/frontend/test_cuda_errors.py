@@ -156,14 +156,14 @@ def test_any_allocation_may_fail_and_the_scene_works_afterwards() -> None:
 
     scene = make()
     scene.compile()
-    device.allocations = 0
+    device.allocation_count = 0
     few = work(scene)
-    first_time = device.allocations
+    first_time = device.allocation_count
     more_pairs = close_pairs(5, 40, 2 * BODY)
     scene.everything.pairs.connectivities["corners"].update_value(more_pairs)
-    device.allocations = 0
+    device.allocation_count = 0
     many = work(scene)
-    later = device.allocations
+    later = device.allocation_count
     assert first_time > 40
     assert later >= 8
 
@@ -182,7 +182,7 @@ def test_any_allocation_may_fail_and_the_scene_works_afterwards() -> None:
 
 def fail_once(device: CountingDevice, refused: int, work: object) -> None:
     """Works while this allocation and its second attempt are refused."""
-    device.allocations, device.refused = 0, refused
+    device.allocation_count, device.refused = 0, refused
     assert callable(work)
     with pytest.raises(DeviceMemoryError, match=r"\w: \d+ bytes were asked for"):
         work()

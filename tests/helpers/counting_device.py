@@ -19,9 +19,9 @@ class CountingDevice(HostDevice):
         """Addresses."""
         self.downloads: list[int] = []
         """Numbers of bytes."""
-        self.allocations = 0
+        self.allocation_count = 0
         self.refused: int | None = None
-        """Number of the allocation, counted by `allocations`, that there is no room for, however often it is tried."""
+        """Number of the allocation, counted by `allocation_count`, that there is no room for, however often it is tried."""
 
     def upload(self, array: NDArray[Any], address: int) -> None:
         self.uploads.append(address)
@@ -32,7 +32,7 @@ class CountingDevice(HostDevice):
         super().download(address, array)
 
     def allocate(self, size: int, purpose: str) -> HostMemory:
-        if self.allocations == self.refused:
+        if self.allocation_count == self.refused:
             raise DeviceMemoryError(f"{purpose}: {size} bytes were asked for, and refused")
-        self.allocations += 1
+        self.allocation_count += 1
         return super().allocate(size, purpose)
