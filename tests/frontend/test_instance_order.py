@@ -94,7 +94,7 @@ def test_an_error_names_the_instance_of_the_user() -> None:
     values[0] = 1e200  # overflows in the one spring at this end of the chain
     spring = np.flatnonzero((c.ends.indices == 0).any(axis=1))[0]
     c.position.update_value(values)
-    with pytest.raises(NotFiniteError, match=f"on instance {spring};"):
+    with pytest.raises(NotFiniteError, match=f"on instance {spring} "):
         c.compiled.assemble()
 
 
