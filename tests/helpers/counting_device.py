@@ -21,7 +21,7 @@ class CountingDevice(HostDevice):
         """Numbers of bytes."""
         self.allocation_count = 0
         self.refused: int | None = None
-        """Number of the allocation, as `allocation_count` counts, that there is no room for, however often it is tried."""
+        """Number of the allocation that there is no room for, however often it is tried; `allocation_count` counts."""
 
     def upload(self, array: NDArray[Any], address: int) -> None:
         self.uploads.append(address)
