@@ -21,7 +21,7 @@ def program() -> HostProgram:
 @pytest.mark.parametrize("most_blocks", [1, 3, 2048])
 def test_sums_of_any_length(program: HostProgram, monkeypatch: pytest.MonkeyPatch, most_blocks: int) -> None:
     """Fewer numbers than threads, and so many that blocks take several turns, and threads of the last block too."""
-    monkeypatch.setattr(cuda_sum, "_MOST_BLOCKS", most_blocks)
+    monkeypatch.setattr(cuda_sum, "blocks_for_sum", lambda _, items: min(-(-items // 128), most_blocks))
     device = HostDevice()
     sums = cuda_sum.DeviceSum(device, program)
     counts = (0, 1, 127, 128, 129, 1000, 128 * 129 + 1)
