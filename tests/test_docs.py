@@ -72,7 +72,7 @@ def test_readme_example_runs(capsys: pytest.CaptureFixture[str]) -> None:
 def test_readme_has_the_two_commands() -> None:
     text = README.read_text(encoding="utf-8")
     assert "pip install -e '.[examples]' && yasps run two_bunnies" in text
-    assert "pip install -e '.[dev]' && python -m pytest" in text
+    assert "pip install -e '.[dev]' && python -m pytest -n 2" in text
 
 
 def test_readme_names_every_option_of_two_bunnies(capsys: pytest.CaptureFixture[str]) -> None:
