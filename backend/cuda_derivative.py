@@ -41,6 +41,8 @@ PARAMETERS = ", ".join(f"{type_} {name}" for type_, name in _FIELDS)
 
 def blocks_at_once(text: CudaObjectText, derivative: DerivativeOp) -> int:
     """Of the entry `derive` on a multiprocessor: as many as cost next to no spills (docs/gpu.md)."""
+    if derivative.curved is not None:
+        return BLOCKS_AT_ONCE - 2
     width = sum(slot.size for read in text.scene.wrt(derivative) for slot in text.scene.slots(read))
     return BLOCKS_AT_ONCE if width <= LARGEST_SMALL_WIDTH else BLOCKS_AT_ONCE - 1
 

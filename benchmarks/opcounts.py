@@ -89,13 +89,19 @@ def compiled(scene: Scene) -> tuple[ModuleOp, SceneData]:
 
 
 def operations(module: ModuleOp) -> Counter[str]:
-    """Scalar operations in the functions that give gradient and Hessian (`derive` and `pull_back`)."""
+    """Scalar operations that give gradient and Hessian, in the functions `derive` and `pull_back`.
+
+    The first result of `derive` is the energy's value, which is only looked at: what it alone needs is not counted.
+    """
     counts: Counter[str] = Counter()
     for op in module.walk():
         if isinstance(op, func.FuncOp) and op.sym_name.data.endswith((".derive", ".pull_back")):
-            for inner in op.body.block.ops:
-                if not isinstance(inner, arith.ConstantOp | func.ReturnOp):
+            *body, result = op.body.block.ops
+            wanted = set(result.operands[1 if op.sym_name.data.endswith(".derive") else 0 :])
+            for inner in reversed(body):
+                if not isinstance(inner, arith.ConstantOp) and not wanted.isdisjoint(inner.results):
                     counts[_KIND_OF.get(type(inner), inner.name)] += 1
+                    wanted.update(inner.operands)
     return counts
 
 
