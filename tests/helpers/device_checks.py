@@ -150,8 +150,12 @@ def _contact_positions(simulation: Simulation) -> np.ndarray:
     return simulation.contact.positions()
 
 
-def check_two_bunnies(device: Device, steps: int = 7) -> None:
-    """Time steps with contact: a soft and a stiff body fall on the ground, the soft one arrives."""
+def check_two_bunnies(device: Device, steps: int = 6) -> None:
+    """Time steps with contact: a soft and a stiff body fall on the ground, the soft one arrives in the last step.
+
+    No further: a cube that lies flat on an edge has several minima nearby, and rounding of 1e-12 decides in the seventh
+    step which of them Newton's method ends in.
+    """
     shape = box(divisions=(2, 2, 2))
     ours = two_bunnies(shape, Scene("two_bunnies", threads=1))
     theirs = two_bunnies(shape, Scene("two_bunnies", device=device))
