@@ -17,6 +17,7 @@ from yasps.frontend.connectivity import Connectivity
 from yasps.frontend.cpu_scene import CpuScene
 from yasps.frontend.shapes import box, cloth_grid
 from yasps.frontend.tetrahedral_mesh import TetrahedralMesh
+from yasps.frontend.triangles import hinges_of
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int32]
@@ -123,18 +124,6 @@ def cloth_hinges(size: int) -> Elements:
     area = sum(0.5 * np.linalg.norm(np.cross(edge, side), axis=1) for side in sides)
     stiffness = 3 * (edge * edge).sum(axis=1) / area
     return Elements(HINGE, cloth.vertices, corners, {"stiffness": stiffness}, _noise(cloth.vertices, 1 / cells))
-
-
-def hinges_of(triangles: IntArray) -> IntArray:
-    """For every edge that two triangles share: its ends, then the third corner on its left and on its right, [h, 4]."""
-    sides = triangles[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2).astype(np.int64)
-    third = triangles[:, [2, 0, 1]].reshape(-1)
-    key = sides.min(axis=1) * (triangles.max() + 1) + sides.max(axis=1)
-    order = np.argsort(key, kind="stable")
-    first, second = order[:-1], order[1:]
-    shared = key[first] == key[second]
-    first, second = first[shared], second[shared]
-    return np.column_stack([sides[first], third[first], third[second]]).astype(np.int32)
 
 
 def first_of(elements: Elements, most: int) -> Elements:
