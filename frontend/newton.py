@@ -241,7 +241,7 @@ class _LineSearch:
         while step > settings.shortest_step:
             energy = self.energy_after(step)
             if energy <= start + ROUNDING * abs(start):
-                if step == 1.0:
+                if step == 1.0 and not is_last:
                     step, energy = self.go_further(energy, slope)
                 report.step_lengths.append(step)
                 return self.now, energy
