@@ -113,7 +113,9 @@ def test_changing_any_source_file_changes_the_digest(package: Path) -> None:
     assert digest_of_sources(package, "") != whole
 
 
-def test_each_entry_of_the_key_makes_new_code(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_each_entry_of_the_key_makes_new_code(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("YASPS_CACHE", str(tmp_path))
+    tmp_path.chmod(0o700)
     generated: list[int] = []
     emitted = SceneCode.of
 
