@@ -43,7 +43,7 @@ if TYPE_CHECKING:
     from yasps.frontend.entity import Entity
 
 FloatArray = NDArray[np.float64]
-_FRONTEND = Path(__file__).resolve().parent
+_PACKAGE = Path(__file__).parents[1]
 
 
 @dataclass(frozen=True)
@@ -59,11 +59,13 @@ class Location:
 
 @cache
 def _is_ours(file: str) -> bool:
-    return Path(file).resolve().parent == _FRONTEND
+    """Is the file in a folder of the package? Examples are not ours: they are users."""
+    place = Path(file)
+    return place.is_relative_to(_PACKAGE) and not place.is_relative_to(_PACKAGE / "examples")
 
 
 def user_location() -> Location:
-    """The innermost line outside the frontend on the call stack; examples count as users."""
+    """The innermost line outside yasps on the call stack; examples count as users."""
     frame = sys._getframe(1)
     while frame.f_back is not None and _is_ours(frame.f_code.co_filename):
         frame = frame.f_back

@@ -1,10 +1,11 @@
-"""The fixed part of every device program: the files of runtime/cuda, each with what it includes."""
+"""The fixed part of every device program: the .cu files of the runtime, each with what it includes."""
 
 from __future__ import annotations
 
 import re
-from importlib.resources import files
+from pathlib import Path
 
+from yasps.runtime.library import RUNTIME
 from yasps.runtime.toolchain import Source
 
 _INCLUDE = re.compile(r'^#include "([^"]+)"\n', re.MULTILINE)
@@ -15,13 +16,12 @@ def runtime_sources() -> list[Source]:
 
     Lines are numbered as in the files, so that what compilers and compute-sanitizer say can be looked up there.
     """
-    folder = files("yasps.runtime").joinpath("cuda")
-    names = sorted(item.name for item in folder.iterdir() if item.name.endswith(".cu"))
-    return [Source(name.removesuffix(".cu"), with_includes(_text(name))) for name in names]
+    paths = sorted((path for path in RUNTIME.rglob("*.cu") if path.parent.name != "host"), key=lambda path: path.stem)
+    return [Source(path.stem, with_includes(_text(path))) for path in paths]
 
 
 def with_includes(text: str) -> str:
-    """The text with the files of runtime/cuda that it includes, each once."""
+    """The text with the files of the runtime that it includes, each once."""
     seen: set[str] = set()
 
     def included(match: re.Match[str]) -> str:
@@ -29,17 +29,16 @@ def with_includes(text: str) -> str:
         if name in seen:
             return ""
         seen.add(name)
-        return _INCLUDE.sub(included, _text(name))
+        return _INCLUDE.sub(included, _text(RUNTIME / name))
 
     return _INCLUDE.sub(included, text)
 
 
-def _text(name: str) -> str:
+def _text(path: Path) -> str:
     """A file that says of its lines which they are."""
-    lines = [f'#line 1 "{name}"']
-    text = files("yasps.runtime").joinpath("cuda", name).read_text(encoding="utf-8")
-    for number, line in enumerate(text.splitlines(), 1):
+    lines = [f'#line 1 "{path.name}"']
+    for number, line in enumerate(path.read_text(encoding="utf-8").splitlines(), 1):
         lines.append("" if line == "#pragma once" else line)
         if line.startswith("#include"):
-            lines.append(f'#line {number + 1} "{name}"')
+            lines.append(f'#line {number + 1} "{path.name}"')
     return "\n".join(lines) + "\n"

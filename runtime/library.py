@@ -38,8 +38,11 @@ FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int32]
 LongArray = NDArray[np.int64]
 
+RUNTIME = Path(__file__).parent
+"""The folder that #include names count from."""
+
 _OUT_OF_MEMORY = 1
-_INCLUDE = re.compile(r'#include "(\w+\.h)"\n')
+_INCLUDE = re.compile(r'#include "([\w/]+\.h)"\n')
 
 _pointer = ctypes.c_void_p
 _long = ctypes.c_long
@@ -252,8 +255,8 @@ def runtime_sources() -> list[Source]:
 
     So each text is complete and its digest changes whenever a header does.
     """
-    folder = Path(__file__).parent
-    return [Source(f"runtime.{path.stem}", _with_headers(path)) for path in sorted(folder.glob("*.cpp"))]
+    files = sorted(RUNTIME.rglob("*.cpp"), key=lambda path: path.stem)
+    return [Source(f"runtime.{path.stem}", _with_headers(path)) for path in files]
 
 
 def _with_headers(path: Path) -> str:
@@ -270,7 +273,7 @@ def _with_headers(path: Path) -> str:
                 return "\n"
             inserted.add(include[1])
             resume = text.count("\n", 0, include.end()) + 1
-            return f'#line 1 "{include[1]}"\n{complete(path.parent / include[1])}#line {resume} "{file.name}"\n'
+            return f'#line 1 "{include[1]}"\n{complete(RUNTIME / include[1])}#line {resume} "{file.name}"\n'
 
         return _INCLUDE.sub(header, text).replace("#pragma once\n", "\n")
 

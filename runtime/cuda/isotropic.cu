@@ -4,8 +4,8 @@
 // In the basis u_i v_j^T of a singular value decomposition F = U S V^T the Hessian falls apart into one block of the
 // i = j and, for each i < j, a block [[a, b], [b, a]] of (i, j) and (j, i); of a 3x2 F, u_3 v_1^T and u_3 v_2^T remain.
 // The Hessian stays where the caller has it and is read once for all blocks, and once for each negative eigenvalue.
-#include "isotropic.cuh"
-#include "projection.cuh"
+#include "cuda/isotropic.cuh"
+#include "cuda/projection.cuh"
 
 namespace yasps {
 namespace {

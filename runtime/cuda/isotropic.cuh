@@ -2,7 +2,7 @@
 // runtime/singular_values.h.
 #pragma once
 
-#include "three_by_three.cuh"
+#include "cuda/three_by_three.cuh"
 
 namespace yasps {
 

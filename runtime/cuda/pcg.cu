@@ -8,7 +8,7 @@
 // Floor of bytes an iteration, n scalars in dof blocks of q: 16 n (curvature) + 32 n + 8 q n (step, with the inverted
 // diagonal blocks) + 48 n (direction) + 24 n (x read, y read and written by the product) = (120 + 8 q) n, and each
 // block of the matrix once, 8 r c + 8.
-#include "solver.cuh"
+#include "cuda/solver.cuh"
 
 namespace {
 

@@ -1,7 +1,7 @@
 // Block-Jacobi preconditioner: the explicit inverses of the diagonal blocks of H (paper, appendix D).
 //
 // Floor of bytes, once a solve: each diagonal block of q scalars read and its inverse written, 16 q^2.
-#include "solver.cuh"
+#include "cuda/solver.cuh"
 
 struct yasps_diagonal {
     const double* values;

@@ -8,7 +8,7 @@
 // Work for n = 12, counted: the check takes 290 multiplications (n^3 / 6) and reads the matrix, which is also the least
 // there is to do; a decomposition 4,600 to reduce the matrix and back (8 / 3 n^3), and 190 rotations (1.3 n^2) with
 // 9,000 multiplications, loads and stores on eigenvectors. Compiled, never timed.
-#include "projection.cuh"
+#include "cuda/projection.cuh"
 
 namespace yasps {
 namespace {

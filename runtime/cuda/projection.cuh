@@ -11,7 +11,7 @@
 // through memory (n (n + 1) doubles each) and splits every generated kernel in two; not without a GPU to measure it.
 #pragma once
 
-#include "three_by_three.cuh"
+#include "cuda/three_by_three.cuh"
 
 // mode: 0 = negative eigenvalues become 0, 1 = their absolute value, 2 = nothing is changed. Returns 1 if the matrix
 // was changed, 0 if it keeps every bit, -1 if an entry is not finite (or eigenvalues cannot be found). work: scratch of

@@ -13,7 +13,7 @@ from yasps.runtime.toolchain import Source
 Array = np.ndarray
 
 KERNELS = """
-#include "projection.cuh"
+#include "cuda/projection.cuh"
 
 extern "C" __global__ void project_all(double* packed, long count, long n, long mode, double* work, long* outcome) {
     const long i = blockIdx.x * (long)blockDim.x + threadIdx.x;

@@ -5,7 +5,6 @@ from __future__ import annotations
 import re
 from collections.abc import Sequence
 from dataclasses import replace
-from importlib.resources import files
 
 import device_checks
 import device_scenes
@@ -20,7 +19,7 @@ from race_examples import ALONE, FOLLOW, HEAD, WAITING, kernel
 from yasps.runtime import cuda_product
 from yasps.runtime.cuda_sources import runtime_sources
 from yasps.runtime.device import DeviceArray
-from yasps.runtime.library import Runtime
+from yasps.runtime.library import RUNTIME, Runtime
 from yasps.runtime.toolchain import Source
 
 # -- what finds races --------------------------------------------------------------------------------------
@@ -172,8 +171,9 @@ def test_solvers_have_no_race_backwards(runtime: Runtime, solver_program: HostPr
 
 def barriers() -> list[Barrier]:
     """Every one of device code that is not generated, by the files' own text."""
-    folders = (files("yasps.runtime").joinpath("cuda"), files("yasps.backend"))
-    texts = {item.name: item.read_text(encoding="utf-8") for f in folders for item in f.iterdir() if ".cu" in item.name}
+    package = RUNTIME.parent
+    paths = [path for folder in ("runtime", "backend") for path in (package / folder).rglob("*.cu*")]
+    texts = {path.name: path.read_text(encoding="utf-8") for path in paths}
     waits = re.compile(r"__syncthreads\w*\(|__syncwarp\(")
     return [
         Barrier(name, number)

@@ -3,20 +3,20 @@
 from __future__ import annotations
 
 import re
-from importlib.resources import files
 
 from yasps.runtime.cuda_sources import runtime_sources
+from yasps.runtime.library import RUNTIME
 
 
 def test_lines_are_numbered_as_in_the_files() -> None:
     """So that what a compiler or compute-sanitizer says of a line can be looked up."""
-    folder = files("yasps.runtime").joinpath("cuda")
+    texts = {path.name: path.read_text(encoding="utf-8") for path in RUNTIME.rglob("*.cu*")}
     for source in runtime_sources():
         name, number, met = "", 0, set()
         for line in source.text.splitlines():
             if found := re.fullmatch(r'#line (\d+) "(.+)"', line):
                 number, name = int(found[1]), found[2]
-                lines = folder.joinpath(name).read_text(encoding="utf-8").splitlines()
+                lines = texts[name].splitlines()
                 continue
             assert line == ("" if lines[number - 1] == "#pragma once" else lines[number - 1])
             number += 1
