@@ -17,8 +17,8 @@ from benchmarks.bandwidth import memory_bandwidth
 from benchmarks.element_rows import PeersDisagreeError
 from benchmarks.measure import Peer, Report, Row, Settings, measure
 from yasps.frontend.environment_report import cpu_model
-from yasps.frontend.mesh_file import read_tetrahedral_mesh
-from yasps.frontend.shapes import box
+from yasps.meshes.mesh_file import read_tetrahedral_mesh
+from yasps.meshes.shapes import box
 from yasps.runtime.assembly import Assembler, KernelCall
 from yasps.runtime.block_matrix import BlockMatrix
 from yasps.runtime.library import Runtime, available_processors, load_runtime

@@ -14,8 +14,8 @@ from yasps import Scene, concat_rows
 from yasps.backend.cpp_curvature import DENSE_PRELUDE
 from yasps.backend.cpp_object import PRELUDE, CppEmitter
 from yasps.backend.scene_view import SceneView
+from yasps.contact.barrier import barrier, squared_point_plane
 from yasps.frontend.attribute import Attribute
-from yasps.frontend.contact import barrier, squared_point_plane
 from yasps.frontend.emit import SceneEmitter
 from yasps.frontend.mesh import Mesh
 from yasps.frontend.primitive import Primitive

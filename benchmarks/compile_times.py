@@ -26,7 +26,7 @@ from yasps.frontend.cpu_scene import CpuScene
 from yasps.frontend.emit import SceneEmitter
 from yasps.frontend.environment_report import cpu_model
 from yasps.frontend.scene import Scene
-from yasps.frontend.shapes import box
+from yasps.meshes.shapes import box
 from yasps.passes.pipeline import run_pipeline
 from yasps.runtime.library import Runtime, available_processors, load_runtime
 from yasps.runtime.toolchain import (

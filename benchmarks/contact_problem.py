@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 from benchmarks.kernel_problem import on_cpu
 from benchmarks.on_device import Where, new_scene
 from yasps import Scene
+from yasps.contact.barrier import KINDS, barrier, mollifier
 from yasps.frontend.attribute import Attribute
-from yasps.frontend.contact import KINDS, barrier, mollifier
 from yasps.frontend.cpu_scene import CpuScene
 from yasps.frontend.mesh import Mesh
 from yasps.frontend.primitive import Primitive, PrimitiveBase

@@ -27,8 +27,8 @@ from yasps.frontend.attribute import Attribute
 from yasps.frontend.connectivity import Connectivity
 from yasps.frontend.cpu_scene import CpuScene
 from yasps.frontend.cuda_scene import CudaScene
-from yasps.frontend.mesh_file import read_tetrahedral_mesh
 from yasps.frontend.scene import Scene
+from yasps.meshes.mesh_file import read_tetrahedral_mesh
 from yasps.runtime.device import Device, DeviceArray
 
 SHARES = (0.0, 0.09, 0.33, 0.84)  # as in `elements`

@@ -22,9 +22,9 @@ from benchmarks.solver import MAX_ITERATIONS, TOLERANCE, SystemNotSolvedError
 from benchmarks.solver_problems import PROBLEMS, MakeProblem
 from benchmarks.spmv import ITERATIONS, PRODUCTS, Case, check_product, make_case, moved_bytes, product_peer
 from yasps.frontend.cuda_scene import CudaScene
-from yasps.frontend.mesh_file import read_tetrahedral_mesh
-from yasps.frontend.shapes import box
-from yasps.frontend.tetrahedral_mesh import TetrahedralMesh
+from yasps.meshes.mesh_file import read_tetrahedral_mesh
+from yasps.meshes.shapes import box
+from yasps.meshes.tetrahedral_mesh import TetrahedralMesh
 from yasps.runtime.block_matrix import BlockMatrix
 from yasps.runtime.cuda_block_matrix import CudaBlockMatrix
 from yasps.runtime.cuda_solver import CudaSolver, least_bytes_per_iteration

@@ -10,14 +10,13 @@ from numpy.typing import NDArray
 
 from benchmarks.kernel_problem import on_cpu, projected_share
 from benchmarks.on_device import Where, new_scene
-from yasps import Scene
-from yasps.frontend import materials
+from yasps import Scene, materials
 from yasps.frontend.attribute import Attribute
 from yasps.frontend.connectivity import Connectivity
 from yasps.frontend.cpu_scene import CpuScene
-from yasps.frontend.shapes import box, cloth_grid
-from yasps.frontend.tetrahedral_mesh import TetrahedralMesh
-from yasps.frontend.triangles import hinges_of
+from yasps.meshes.shapes import box, cloth_grid
+from yasps.meshes.tetrahedral_mesh import TetrahedralMesh
+from yasps.meshes.triangles import hinges_of
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int32]

@@ -9,8 +9,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from yasps import Scene
-from yasps.frontend import contact, materials
+from yasps import Scene, materials
+from yasps.contact import barrier as contact
 from yasps.frontend.attribute import Attribute
 
 Values = Mapping[str, Attribute]

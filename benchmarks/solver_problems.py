@@ -11,14 +11,13 @@ from numpy.typing import NDArray
 
 from benchmarks.kernel_problem import on_cpu
 from benchmarks.on_device import Where, new_scene
-from yasps import Attribute, Scene
-from yasps.frontend import materials
+from yasps import Attribute, Scene, materials
+from yasps.contact.barrier import BarrierContact
 from yasps.frontend.compiled_scene import CompiledScene
-from yasps.frontend.contact import BarrierContact
 from yasps.frontend.mesh import Mesh
 from yasps.frontend.primitive import Primitive
-from yasps.frontend.shapes import box
-from yasps.frontend.tetrahedral_mesh import TetrahedralMesh
+from yasps.meshes.shapes import box
+from yasps.meshes.tetrahedral_mesh import TetrahedralMesh
 from yasps.runtime.block_matrix import BlockMatrix
 
 TIME_STEP = 0.01  # s

@@ -16,9 +16,9 @@ from benchmarks.measure import Peer, Report, Row, Settings, measure
 from benchmarks.spmv_peers import EigenProduct, FloatArray, MklNotFoundError, MklProduct
 from benchmarks.sympy_kernel import EigenNotFoundError
 from yasps.frontend.environment_report import cpu_model
-from yasps.frontend.mesh_file import read_tetrahedral_mesh
-from yasps.frontend.shapes import sphere
-from yasps.frontend.tetrahedral_mesh import TetrahedralMesh
+from yasps.meshes.mesh_file import read_tetrahedral_mesh
+from yasps.meshes.shapes import sphere
+from yasps.meshes.tetrahedral_mesh import TetrahedralMesh
 from yasps.runtime.block_matrix import BlockMatrix
 from yasps.runtime.library import Runtime, available_processors, load_runtime
 from yasps.runtime.ordering import bandwidth_reducing_order

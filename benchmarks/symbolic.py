@@ -10,7 +10,7 @@ from benchmarks.measure import Report, Row, Settings
 from yasps.examples.two_bunnies import two_bunnies
 from yasps.frontend.emit import SceneEmitter
 from yasps.frontend.scene import Scene
-from yasps.frontend.shapes import box
+from yasps.meshes.shapes import box
 from yasps.passes.pipeline import run_pipeline
 
 DESCRIPTION = "time of the symbolic stages: one energy, and the scene two_bunnies, pass by pass, ms"

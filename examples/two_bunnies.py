@@ -18,13 +18,13 @@ import numpy as np
 
 from yasps import Scene
 from yasps.bodies import AffineBody, Ground, SoftBody
-from yasps.frontend.collision_geometry import narrowest_gap
-from yasps.frontend.mesh_file import read_tetrahedral_mesh
+from yasps.contact.collision_geometry import narrowest_gap
 from yasps.frontend.newton_system import SOLVERS, WHEN_TO_PROJECT
-from yasps.frontend.progress import TimeTable
-from yasps.frontend.rabbit import rabbit
-from yasps.frontend.recorder import FrameRecorder
-from yasps.frontend.tetrahedral_mesh import TetrahedralMesh
+from yasps.meshes.mesh_file import read_tetrahedral_mesh
+from yasps.meshes.rabbit import rabbit
+from yasps.meshes.tetrahedral_mesh import TetrahedralMesh
+from yasps.output.progress import TimeTable
+from yasps.output.recorder import FrameRecorder
 from yasps.simulation import Simulation
 
 SIZE = 0.2  # m, height of a rabbit

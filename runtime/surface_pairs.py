@@ -38,7 +38,7 @@ class SurfacePairs:
 @dataclass(frozen=True)
 class ClosePairs:
     """Pairs of one kind, sorted by their vertices. vertices: int32 [n, 4], 0 in places that the kind does not use.
-    weight, threshold: float64 [n]; see `ActiveSet` in frontend/active_set.py."""
+    weight, threshold: float64 [n]; see `ActiveSet` in yasps/contact/active_set.py."""
 
     vertices: IntArray
     weight: FloatArray

@@ -75,7 +75,7 @@ def test_an_installed_package_has_all_that_is_compiled_when_it_runs() -> None:
 
 
 def test_no_command_goes_through_a_shell() -> None:
-    folders = ("dialects", "passes", "runtime", "backend", "frontend", "examples")
+    folders = ("dialects", "passes", "runtime", "backend", "frontend", "examples", "yasps")
     calls = [
         (file.name, ast.unparse(node.func), {word.arg for word in node.keywords})
         for folder in folders

@@ -11,9 +11,9 @@ import pytest
 from type_checking import ROOT, problems
 
 import yasps
+from yasps import materials
 from yasps.dialects.mat import OPERATIONS
 from yasps.dialects.rel import Rel
-from yasps.frontend import materials
 
 DOCUMENTS = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
 
@@ -26,11 +26,11 @@ from yasps import {public}
 import yasps.backend, yasps.dialects, yasps.examples, yasps.frontend, yasps.passes
 from yasps.frontend.scene import Solution
 from yasps.backend.interpreter import Interpreter
-from yasps.frontend.collision_geometry import CollisionGeometry
+from yasps.contact.collision_geometry import CollisionGeometry
 from yasps.frontend.compiled_scene import CompiledScene
-from yasps.frontend.contact import BarrierContact
-from yasps.frontend.materials import *
-from yasps.frontend.newton import BackwardEuler, MovingPart, NewtonReport, NewtonSettings, minimize
+from yasps.contact.barrier import BarrierContact
+from yasps.materials import *
+from yasps.stepping.newton import BackwardEuler, MovingPart, NewtonReport, NewtonSettings, minimize
 from yasps.passes.pipeline import run_pipeline
 from yasps.runtime.solver import SolveReport
 from yasps.simulation import Pins, Simulation

@@ -21,7 +21,7 @@ from yasps.backend.scene_view import SceneView
 from yasps.examples.two_bunnies import two_bunnies
 from yasps.frontend.device_report import DeviceCompileReport
 from yasps.frontend.emit import SceneEmitter
-from yasps.frontend.shapes import box
+from yasps.meshes.shapes import box
 from yasps.passes.pipeline import run_pipeline
 from yasps.runtime.cuda_device import cub_source
 from yasps.runtime.cuda_report import ModuleRow

@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 from mat_bodies import relative_error
 
-from yasps import Attribute, Scene, identity
-from yasps.frontend import materials, scene_source
+from yasps import Attribute, Scene, identity, materials
+from yasps.frontend import scene_source
 from yasps.frontend.cpu_scene import CpuScene
 from yasps.frontend.errors import NotFiniteError
 from yasps.passes.pipeline import run_pipeline

@@ -6,9 +6,8 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from yasps import Scene
-from yasps.frontend import materials
-from yasps.frontend.shapes import box
+from yasps import Scene, materials
+from yasps.meshes.shapes import box
 
 
 def hessian_at(offset: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -20,8 +20,8 @@ from benchmarks.element_rows import PEERS, PeersDisagreeError, check_peer
 from benchmarks.measure import Peer, Row, measure
 from benchmarks.solver_problems import in_contact, soft
 from benchmarks.spmv import make_case
-from yasps.frontend.mesh_file import write_mesh
-from yasps.frontend.shapes import box
+from yasps.meshes.mesh_file import write_mesh
+from yasps.meshes.shapes import box
 from yasps.runtime.cuda_driver import NoDeviceError
 from yasps.runtime.library import load_runtime
 from yasps.runtime.toolchain import find_compiler

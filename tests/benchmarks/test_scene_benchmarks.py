@@ -18,9 +18,9 @@ from benchmarks.element_problem import box_of_tets, elements_scene
 from benchmarks.indices import affine_case, chain_case, union_case
 from benchmarks.measure import Row, Settings
 from benchmarks.memory import Measurement
-from yasps.frontend.mesh_file import write_mesh
 from yasps.frontend.scene import Scene
-from yasps.frontend.shapes import box
+from yasps.meshes.mesh_file import write_mesh
+from yasps.meshes.shapes import box
 from yasps.runtime.library import load_runtime
 from yasps.runtime.toolchain import Source, find_compiler
 

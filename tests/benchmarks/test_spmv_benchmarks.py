@@ -14,7 +14,7 @@ from benchmarks.element_rows import PeersDisagreeError
 from benchmarks.measure import Settings
 from benchmarks.spmv_peers import EigenProduct, FloatArray, MklNotFoundError, MklProduct, mkl_library
 from benchmarks.sympy_kernel import EigenNotFoundError, eigen_folder
-from yasps.frontend.shapes import box, sphere
+from yasps.meshes.shapes import box, sphere
 from yasps.runtime import block_matrix
 from yasps.runtime.library import Runtime, load_runtime
 from yasps.runtime.toolchain import find_compiler

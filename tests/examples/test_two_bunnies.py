@@ -11,9 +11,9 @@ import pytest
 
 from yasps.backend.interpreter import Interpreter, SceneData
 from yasps.examples import two_bunnies as example
-from yasps.frontend.mesh_file import write_mesh
-from yasps.frontend.rabbit import rabbit
-from yasps.frontend.tetrahedral_mesh import TetrahedralMesh
+from yasps.meshes.mesh_file import write_mesh
+from yasps.meshes.rabbit import rabbit
+from yasps.meshes.tetrahedral_mesh import TetrahedralMesh
 
 STEP = 0.01
 

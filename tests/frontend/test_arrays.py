@@ -11,14 +11,14 @@ from refusals import World, assert_refused, make_world
 
 from yasps import Attribute, ConnectivityError, DataError, Scene, SceneError, ShapeMismatchError, YaspsError, constant
 from yasps.backend import scene_data
-from yasps.frontend.collision_geometry import CollisionGeometry
-from yasps.frontend.contact import BarrierContact
-from yasps.frontend.isosurface_stuffing import stuff_isosurface
-from yasps.frontend.materials import gravity, rest_shape, rest_triangles
-from yasps.frontend.newton import BackwardEuler, MovingPart
-from yasps.frontend.pictures import FramePictures, PictureError, Surface
-from yasps.frontend.tetrahedral_mesh import MeshError, TetrahedralMesh, drop_unused_vertices
-from yasps.frontend.vtkhdf import OutputFileError, VtkHdfSeries
+from yasps.contact.barrier import BarrierContact
+from yasps.contact.collision_geometry import CollisionGeometry
+from yasps.materials import gravity, rest_shape, rest_triangles
+from yasps.meshes.isosurface_stuffing import stuff_isosurface
+from yasps.meshes.tetrahedral_mesh import MeshError, TetrahedralMesh, drop_unused_vertices
+from yasps.output.pictures import FramePictures, PictureError, Surface
+from yasps.output.vtkhdf import OutputFileError, VtkHdfSeries
+from yasps.stepping.newton import BackwardEuler, MovingPart
 
 Setter = Callable[[Any, int, tuple[int, int]], Attribute]
 

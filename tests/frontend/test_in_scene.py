@@ -12,10 +12,10 @@ import numpy as np
 import pytest
 
 from yasps import Scene, SceneError
+from yasps.contact.barrier import BarrierContact
+from yasps.contact.collision_geometry import CollisionGeometry
 from yasps.frontend import yasps_opt
-from yasps.frontend.collision_geometry import CollisionGeometry
-from yasps.frontend.contact import BarrierContact
-from yasps.frontend.newton import BackwardEuler, MovingPart
+from yasps.stepping.newton import BackwardEuler, MovingPart
 
 COPIES: list[Callable[[Any], object]] = [copy.copy, copy.deepcopy, pickle.dumps]
 

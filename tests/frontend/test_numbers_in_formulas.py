@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 from small_scenes import emit
 
-from yasps import Scene
+from yasps import Scene, materials
 from yasps.backend.interpreter import Interpreter
 from yasps.backend.scene_data import load_scene_data
-from yasps.frontend import contact, materials
+from yasps.contact import barrier as contact
 from yasps.frontend.compiled_scene import CompiledScene
 from yasps.frontend.cpu_scene import CpuScene
 from yasps.frontend.functions import select

@@ -7,8 +7,8 @@ import pytest
 
 from yasps import Attribute, Scene
 from yasps.frontend.errors import DataError, NotConvergedError
-from yasps.frontend.newton import NewtonSettings
 from yasps.runtime.solver import StopReason
+from yasps.stepping.newton import NewtonSettings
 
 
 def saddle(hold: float, projection: str = "clamp") -> tuple[Scene, Attribute]:

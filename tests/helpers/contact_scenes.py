@@ -13,14 +13,13 @@ import ipctk
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from yasps import Attribute, Scene
-from yasps.frontend import materials
-from yasps.frontend.contact import BarrierContact
+from yasps import Attribute, Scene, materials
+from yasps.contact.barrier import BarrierContact
 from yasps.frontend.mesh import Mesh
-from yasps.frontend.newton import BackwardEuler, MovingPart, NewtonReport, NewtonSettings
 from yasps.frontend.primitive import Primitive
-from yasps.frontend.shapes import TriangleMesh
-from yasps.frontend.tetrahedral_mesh import TetrahedralMesh
+from yasps.meshes.shapes import TriangleMesh
+from yasps.meshes.tetrahedral_mesh import TetrahedralMesh
+from yasps.stepping.newton import BackwardEuler, MovingPart, NewtonReport, NewtonSettings
 
 Floats = NDArray[np.float64]
 STEP = 0.01  # s

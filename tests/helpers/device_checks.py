@@ -18,13 +18,12 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 from small_scenes import PAIRS, mixed_union, shared_targets, soft_tets
 
-from yasps import ConnectivityError, Scene, Solution
+from yasps import ConnectivityError, Scene, Solution, materials
 from yasps.examples.two_bunnies import two_bunnies
-from yasps.frontend import materials
-from yasps.frontend.newton import BackwardEuler, MovingPart, NewtonSettings
-from yasps.frontend.shapes import box
+from yasps.meshes.shapes import box
 from yasps.runtime.device import Device, DeviceArray, DeviceMemoryError
 from yasps.simulation import Simulation
+from yasps.stepping.newton import BackwardEuler, MovingPart, NewtonSettings
 
 AGREEMENT = 1e-10
 """Relative, of the largest number of each array."""

@@ -6,7 +6,7 @@ import numpy as np
 from collision_scenes import distances
 from numpy.typing import NDArray
 
-from yasps.frontend.active_set import active_set_of
+from yasps.contact.active_set import active_set_of
 from yasps.runtime.library import load_runtime
 from yasps.runtime.surface_pairs import Surface, SurfacePairs
 from yasps.runtime.toolchain import find_compiler

@@ -12,12 +12,11 @@ from xdsl.dialects.builtin import StringAttr
 from xdsl.ir import Block
 from xdsl.utils.exceptions import VerifyException
 
-from yasps import Attribute, Scene, concat_rows, identity, select
+from yasps import Attribute, Scene, concat_rows, identity, materials, select
 from yasps.backend.interpreter import Interpreter
 from yasps.dialects.mat import ShapeError, matrix_type
 from yasps.dialects.mat.calculus import ProjectPsdOp
 from yasps.dialects.rel import AttributeOp, DerivativeOp, EnergyOp, ProjectOp, name_of, packed_size
-from yasps.frontend import materials
 from yasps.passes.differentiate import Differentiate
 from yasps.passes.inline_references import InlineReferences
 from yasps.passes.pipeline import make_context, run_pipeline

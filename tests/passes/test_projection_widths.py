@@ -11,7 +11,7 @@ import pytest
 from yasps import Attribute, Scene
 from yasps.backend.interpreter import Interpreter
 from yasps.backend.scene_view import SceneView
-from yasps.frontend import contact
+from yasps.contact import barrier as contact
 
 Energy = Callable[[Attribute], Attribute]
 

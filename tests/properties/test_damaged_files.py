@@ -19,12 +19,12 @@ from profiles import examples
 from small_scenes import emit, shared_targets
 
 from yasps.backend.scene_data import SceneDataError, load_scene_data, save_scene_data
-from yasps.frontend import mesh_file
-from yasps.frontend.mesh_file import read_tetrahedral_mesh
-from yasps.frontend.shapes import box
-from yasps.frontend.tetrahedral_mesh import MeshError, TetrahedralMesh
-from yasps.frontend.vtkhdf import OutputFileError, VtkHdfSeries
 from yasps.frontend.yasps_opt import main
+from yasps.meshes import mesh_file
+from yasps.meshes.mesh_file import read_tetrahedral_mesh
+from yasps.meshes.shapes import box
+from yasps.meshes.tetrahedral_mesh import MeshError, TetrahedralMesh
+from yasps.output.vtkhdf import OutputFileError, VtkHdfSeries
 from yasps.passes.pipeline import run_pipeline
 
 LITTLE = 20_000_000

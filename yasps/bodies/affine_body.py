@@ -4,10 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from yasps import Scene, SceneError
+from yasps import Scene, SceneError, materials
 from yasps.bodies.body import Body, check_density
-from yasps.frontend import materials
-from yasps.frontend.tetrahedral_mesh import TetrahedralMesh
+from yasps.meshes.tetrahedral_mesh import TetrahedralMesh
 
 
 class AffineBody(Body):

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from yasps import Attribute, Mesh, Primitive, Scene, SceneError
-from yasps.frontend.tetrahedral_mesh import Float64Array, Int32Array
+from yasps.meshes.tetrahedral_mesh import Float64Array, Int32Array
 
 
 class Body:

@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from yasps import Scene
+from yasps import Scene, materials
 from yasps.bodies.body import Body, check_density
-from yasps.frontend import materials
-from yasps.frontend.shapes import TriangleMesh
-from yasps.frontend.triangles import hinge_stiffness, hinges_of, triangle_vertex_masses
+from yasps.meshes.shapes import TriangleMesh
+from yasps.meshes.triangles import hinge_stiffness, hinges_of, triangle_vertex_masses
 
 
 class Cloth(Body):

@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from yasps import Scene
+from yasps import Scene, materials
 from yasps.bodies.body import Body, check_density
-from yasps.frontend import materials
-from yasps.frontend.tetrahedral_mesh import TetrahedralMesh
+from yasps.meshes.tetrahedral_mesh import TetrahedralMesh
 
 
 class SoftBody(Body):

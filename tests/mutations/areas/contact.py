@@ -4,15 +4,15 @@ from __future__ import annotations
 
 from mutation import Mutation
 
-VALUES = "tests/frontend/test_contact_values.py"
+VALUES = "tests/contact/test_contact_values.py"
 IPCTK = (f"{VALUES}::test_potential_gradient_and_hessian_are_those_of_ipctk",)
 FOLLOW = (f"{VALUES}::test_pairs_follow_the_vertices",)
-GEOMETRY = "tests/frontend/test_collision_geometry.py"
+GEOMETRY = "tests/contact/test_collision_geometry.py"
 POTENTIAL = (f"{GEOMETRY}::test_active_set_reproduces_ipctk_barrier_potential",)
-MOTION = "tests/frontend/test_collision_motion.py"
+MOTION = "tests/contact/test_collision_motion.py"
 KEPT = (f"{MOTION}::test_kept_candidates_find_what_ipctk_finds_anew",)
 SAFE = (f"{MOTION}::test_step_bounds_are_ipctks_and_safe", f"{GEOMETRY}::test_step_bound_stops_before_the_ground")
-CODE, PAIRS, NEAR = "frontend/contact.py", "runtime/close_pairs.cpp", "runtime/near_pairs.cpp"
+CODE, PAIRS, NEAR = "yasps/contact/barrier.py", "runtime/close_pairs.cpp", "runtime/near_pairs.cpp"
 
 MUTATIONS = (
     Mutation(
@@ -80,35 +80,35 @@ MUTATIONS = (
     ),
     Mutation(
         "the active set is not renewed where as many pairs are close",
-        "frontend/active_set.py",
+        "yasps/contact/active_set.py",
         "all(np.array_equal(mine[name], others[name]) for name in mine)",
         "all(mine[name].shape == others[name].shape for name in mine)",
-        ("tests/frontend/test_newton.py", VALUES),
+        ("tests/stepping/test_newton.py", VALUES),
     ),
     Mutation(
         "candidates of an earlier way are kept whatever comes",
         CODE,
         "not geometry.covers(self._kept, start, end)",
         "self._kept.surface is None",
-        ("tests/frontend/test_newton.py::test_free_step_agrees_with_the_geometry_and_serves_all_positions_on_the_way",),
+        ("tests/stepping/test_newton.py::test_free_step_agrees_with_the_geometry_and_serves_all_positions_on_the_way",),
     ),
     Mutation(
         "candidates reach as far as one of both sides may move",
-        "frontend/collision_geometry.py",
+        "yasps/contact/collision_geometry.py",
         "reach + 2 * allowed",
         "reach + allowed",
         (f"{MOTION}::test_both_sides_of_a_pair_may_use_up_their_margin",),
     ),
     Mutation(
         "fixed vertices meet each other",
-        "frontend/surface_arguments.py",
+        "yasps/contact/surface_arguments.py",
         "alone = ~still & (labels < 0)",
         "alone = labels < 0",
         (f"{VALUES}::test_groups_and_fixed_vertices_meet_all_others",),
     ),
     Mutation(
         "vertices of no group are a group",
-        "frontend/surface_arguments.py",
+        "yasps/contact/surface_arguments.py",
         "packed[alone] = packed.max(initial=0) + 1 + np.arange(int(alone.sum()))",
         "packed[alone] = packed.max(initial=0) + 1",
         (f"{VALUES}::test_groups_and_fixed_vertices_meet_all_others",),

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from mutation import Mutation
 
-MODULI = "tests/frontend/test_elastic_moduli.py"
+MODULI = "tests/materials/test_elastic_moduli.py"
 BAR = (f"{MODULI}::test_a_stretched_bar_has_youngs_modulus_and_poissons_ratio",)
 TETRAHEDRON = (f"{MODULI}::test_a_tetrahedron_that_is_not_regular",)
-CLOTH = ("tests/frontend/test_materials.py",)
-FALL = ("tests/frontend/test_velocities.py",)
-CODE = "frontend/materials.py"
+CLOTH = ("tests/materials/test_materials.py",)
+FALL = ("tests/stepping/test_velocities.py",)
+CODE = "yasps/materials/__init__.py"
 
 MUTATIONS = (
     Mutation(
@@ -122,14 +122,14 @@ MUTATIONS = (
         CODE,
         "return 0.5 * as_attribute(stiffness) * strain.dot(strain)",
         "return as_attribute(stiffness) * strain.dot(strain)",
-        ("tests/frontend/test_materials.py::test_affine_bodies",),
+        ("tests/materials/test_materials.py::test_affine_bodies",),
     ),
     Mutation(
         "affine bodies: rotations are measured as A - I",
         CODE,
         "strain = affine_matrix.T * affine_matrix - identity(3)",
         "strain = affine_matrix - identity(3)",
-        ("tests/frontend/test_materials.py::test_affine_bodies",),
+        ("tests/materials/test_materials.py::test_affine_bodies",),
     ),
     Mutation(
         "inertia without mass",
@@ -161,9 +161,9 @@ MUTATIONS = (
     ),
     Mutation(
         "masses of vertices: a third of each tetrahedron",
-        "frontend/tetrahedral_mesh.py",
+        "yasps/meshes/tetrahedral_mesh.py",
         "0.25 * density * self.volumes()",
         "1 / 3 * density * self.volumes()",
-        ("tests/frontend/test_tetrahedral_mesh.py::test_volumes_and_masses",),
+        ("tests/meshes/test_tetrahedral_mesh.py::test_volumes_and_masses",),
     ),
 )

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from mutation import Mutation
 
-SEARCH = "tests/frontend/test_line_search.py"
-VELOCITIES = "tests/frontend/test_velocities.py"
+SEARCH = "tests/stepping/test_line_search.py"
+VELOCITIES = "tests/stepping/test_velocities.py"
 FALL = (f"{VELOCITIES}::test_free_fall",)
 SPRING = (f"{VELOCITIES}::test_a_spring_follows_the_recurrence",)
-CODE = "frontend/newton.py"
+CODE = "yasps/stepping/newton.py"
 
 MUTATIONS = (
     Mutation(
@@ -44,7 +44,7 @@ MUTATIONS = (
         CODE,
         "lowest = 0.5 / curvature",
         "lowest = 1.0 / curvature",
-        ("tests/frontend/test_newton.py::test_a_step_too_short_is_made_longer",),
+        ("tests/stepping/test_newton.py::test_a_step_too_short_is_made_longer",),
     ),
     Mutation(
         "a curved way is not checked again",

@@ -1,0 +1,191 @@
+"""Pairs that are kept from one motion to the next, and step bounds, against the IPC Toolkit asked anew each time."""
+
+from __future__ import annotations
+
+import time
+
+import ipctk
+import numpy as np
+import pytest
+from collision_scenes import SCENES, Floats, box, move, potential, sheet, union
+from numpy.typing import NDArray
+
+from yasps import YaspsError
+from yasps.contact.collision_geometry import CollisionGeometry
+from yasps.runtime.library import load_runtime
+from yasps.runtime.surface_pairs import SurfacePairs
+from yasps.runtime.toolchain import find_compiler
+
+MOTIONS = ["still", "shaken", "together", "through"]
+
+
+def motion(kind: str, points: Floats, seed: int) -> Floats:
+    """Displacements: of no vertex, of each by itself, of all together and a little by itself, of halves into one
+    another."""
+    rng = np.random.default_rng(seed)
+    noise = rng.standard_normal(points.shape)
+    if kind == "still":
+        return np.zeros_like(points)
+    if kind == "shaken":
+        return 0.2 * noise
+    if kind == "together":
+        return 5.0 * rng.standard_normal(3) + 0.02 * noise
+    half = len(points) // 2
+    approach = points[half:].mean(axis=0) - points[:half].mean(axis=0)
+    approach *= rng.uniform(0.1, 2.0) / np.linalg.norm(approach)
+    return np.where(np.arange(len(points)) < half, 1.0, -1.0)[:, None] * approach + 0.02 * noise
+
+
+def oracle_mesh(points: Floats, faces: NDArray[np.int32]) -> ipctk.CollisionMesh:
+    return ipctk.CollisionMesh(np.asfortranarray(points), ipctk.edges(faces), np.asfortranarray(faces))
+
+
+@pytest.mark.parametrize("kind", MOTIONS)
+@pytest.mark.parametrize("name", ["nearly parallel", "shaken", "turned", "box edge along edge"])
+def test_kept_candidates_find_what_ipctk_finds_anew(name: str, kind: str) -> None:
+    (points, faces), dhat = SCENES[name]
+    mesh = oracle_mesh(points, faces)
+    geometry = CollisionGeometry(points, faces, dhat)
+    barrier = ipctk.BarrierPotential(ipctk.ClampedLogSqBarrier(), dhat, 1.0)
+    margin = 0.3 * dhat
+    found = 0
+    for seed in range(4):
+        way = motion(kind, points, seed)
+        candidates = geometry.candidates(points, points + way, margin=margin)
+        rng = np.random.default_rng(100 + seed)
+        for step in (0.0, 0.37, 1.0):
+            aside = rng.standard_normal(points.shape)
+            aside *= 0.5 * margin * rng.random((len(points), 1)) / np.linalg.norm(aside, axis=1, keepdims=True)
+            there = np.asfortranarray(points + step * way + aside)
+            assert geometry.covers(candidates, there)
+            active = geometry.active_set(there, candidates)
+            expected = ipctk.NormalCollisions()
+            expected.build(mesh, there, dhat, broad_phase=ipctk.BruteForce())
+            assert len(active) == len(expected)
+            here = potential(active, there.astype(np.complex128), dhat).real
+            assert here == pytest.approx(barrier(expected, mesh, there), rel=1e-11)
+            if len(active) > 0:
+                nearest = np.sqrt(expected.compute_minimum_distance(mesh, there))
+                assert active.minimum_distance == pytest.approx(nearest, rel=1e-12)
+            found += len(active)
+    assert found > 0
+
+
+@pytest.mark.parametrize("kind", MOTIONS[1:])
+@pytest.mark.parametrize("name", ["shaken", "turned", "box corner to corner"])
+def test_step_bounds_are_no_less_than_ipctks_and_safe(name: str, kind: str) -> None:
+    (points, faces), dhat = SCENES[name]
+    mesh = oracle_mesh(points, faces)
+    geometry = CollisionGeometry(points, faces, dhat)
+    start = np.asfortranarray(points)
+    kept = geometry.candidates(points, points + motion(kind, points, 0), margin=dhat)
+    bounds = []
+    for seed in range(6):
+        end = np.asfortranarray(points + motion(kind, points, seed // 2) * (0.5 if seed % 2 else 1.0))
+        expected = ipctk.Candidates()
+        expected.build(mesh, start, end, 0.0, ipctk.BruteForce())
+        slow = expected.compute_collision_free_stepsize(mesh, start, end, narrow_phase_ccd=ipctk.AdditiveCCD())
+        bound = geometry.step_bound(start, end)
+        assert bound >= (1 - 1e-6) * slow  # the toolkit stops where its next step might go too far
+        assert ipctk.is_step_collision_free(mesh, start, start + 0.999 * bound * (end - start))
+        if geometry.covers(kept, start, end):
+            assert geometry.step_bound(start, end, kept) == bound
+        bounds.append(bound)
+    assert kind == "together" or min(bounds) < 1.0
+
+
+@pytest.mark.parametrize("way", [0.0, 3.0])
+def test_both_sides_of_a_pair_may_use_up_their_margin(way: float) -> None:
+    """While both move together, too: then only their relative motion counts."""
+    reach, margin = 0.1, 0.05
+    points, faces = union(sheet(2), (sheet(2)[0] + [0.1, 0.2, 0.99 * (reach + 2 * margin)], sheet(2)[1]))
+    geometry = CollisionGeometry(points, faces, reach)
+    moved = points + np.array([0.0, 0.0, way])
+    candidates = geometry.candidates(points, moved, margin=margin)
+    towards = np.where(np.arange(len(points)) < len(points) // 2, 0.99, -0.99)[:, None] * [0.0, 0.0, margin]
+    there = 0.5 * (points + moved) + towards
+    assert geometry.covers(candidates, there)
+    fresh, kept = geometry.active_set(there), geometry.active_set(there, candidates)
+    assert len(fresh) > 10
+    assert all(pairs.same_as(kept.kinds()[kind]) for kind, pairs in fresh.kinds().items())
+
+
+def test_leaving_the_margin_is_noticed_at_each_vertex() -> None:
+    (points, faces), dhat = SCENES["turned"]
+    geometry = CollisionGeometry(points, faces, dhat)
+    way = motion("together", points, 1)
+    candidates = geometry.candidates(points, points + way, margin=0.1)
+    for vertex in (0, 7, len(points) - 1):
+        for share, covered in ((0.99, True), (1.01, False)):
+            there = points + 0.6 * way
+            # Across the way, for along it all others would only be a little late.
+            across = np.cross(way[vertex], [1.0, 0.0, 0.0])
+            there[vertex] += share * 0.1 * across / np.linalg.norm(across)
+            assert geometry.covers(candidates, there) is covered
+            if not covered:
+                with pytest.raises(YaspsError, match="outside the motion"):
+                    geometry.active_set(there, candidates)
+
+
+def test_moving_together_brings_no_further_candidates() -> None:
+    (points, faces), dhat = SCENES["shaken"]
+    geometry = CollisionGeometry(points, faces, dhat)
+    at_rest = geometry.candidates(points)
+    together = geometry.candidates(points, points + np.array([30.0, -20.0, 10.0]))
+    assert len(at_rest) <= len(together) <= 1.01 * len(at_rest)
+
+
+def test_pairs_do_not_depend_on_the_order_of_trees_or_the_number_of_threads() -> None:
+    points, faces = union(sheet(12), (sheet(12)[0] @ np.diag([1.0, 1.0, 0.0]) + [0.03, 0.02, 0.05], sheet(12)[1]))
+    sets = []
+    for threads in (1, 3):
+        geometry = CollisionGeometry(points, faces, 0.1, runtime=load_runtime(find_compiler(), threads))
+        folded = points.copy()
+        for angle in (0.0, 0.7, 2.0):  # the trees keep their order of the first search
+            folded[:, 2] = points[:, 2] + 0.2 * np.sin(angle * points[:, 0])
+            pairs = geometry.candidates(folded).pairs
+            sets.append(rows(pairs))
+    assert sets[:3] == sets[3:]
+    assert all(len(set(part)) == len(part) > 1000 for part in sets[0])
+    fresh = CollisionGeometry(points, faces, 0.1).candidates(folded).pairs
+    assert rows(fresh) == sets[2]
+
+
+def test_edges_that_have_shrunk_to_points_are_still_seen() -> None:
+    rods = np.array([[0.0, 0, 0], [2, 0, 0], [0, 0, 1], [3, 0, 1]])
+    geometry = CollisionGeometry(rods, np.empty((0, 3)), 0.1, edges=[[0, 1], [2, 3]])
+    points = np.array([[0.0, 0, 0], [0, 0, 0], [0, 0, 0.05], [0, 0, 0.05]])
+    assert geometry.active_set(points).minimum_distance == pytest.approx(0.05)
+    through = points + np.array([[0, 0, 0.1]] * 2 + [[0.0, 0, 0]] * 2)
+    assert geometry.step_bound(points, through) == pytest.approx(0.45)
+
+
+@pytest.mark.parametrize("gap", [1e-5, 1e-7, 1e-12])
+def test_a_box_slides_along_the_ground_at_any_gap(gap: float) -> None:
+    """By a third of its size, with every pair of the contact at the gap; a step down by more than it is stopped."""
+    points, faces = union((3 * sheet(2)[0] - 1, sheet(2)[1]), move(box(), (0.0, 0.0, gap - 1)))
+    geometry = CollisionGeometry(points, faces, 10 * gap)
+    moves = np.arange(len(points))[:, None] >= len(sheet(2)[0])
+    begun = time.perf_counter()
+    assert geometry.step_bound(points, points + moves * [0.3, 0.2, 0.0]) == 1.0
+    down = geometry.step_bound(points, points + moves * [0.3, 0.2, -2 * gap])
+    assert time.perf_counter() - begun < 1.0
+    assert down == pytest.approx(0.45, rel=0.02)
+
+
+@pytest.mark.parametrize("seed", [35, 189, 193, 238, 367])
+def test_edges_end_behind_end_on_nearly_one_line(seed: int) -> None:
+    """They are 0.25 apart; where their lines cross is rounding, and seemed to be a place at which they touch."""
+    rng = np.random.default_rng(seed)
+    size = 10.0 ** rng.uniform(-10, -6)
+    rods = np.array([[0.0, 0, 0], [1, 0, 0], [1.25, 0, 0], [2.5, 0, 0]]) + size * rng.standard_normal((4, 3))
+    geometry = CollisionGeometry(rods, np.empty((0, 3)), 1.0, edges=[[0, 1], [2, 3]])
+    assert geometry.active_set(rods).minimum_distance == pytest.approx(0.25, abs=1e-5)
+    assert geometry.step_bound(rods, rods + 1e-3 * rng.standard_normal((4, 3))) == 1.0
+
+
+def rows(pairs: SurfacePairs) -> tuple[list[tuple[int, ...]], list[tuple[int, ...]]]:
+    """Both kinds of pairs, sorted."""
+    return sorted(tuple(row) for row in pairs.edge_edge.tolist()), sorted(
+        tuple(row) for row in pairs.vertex_triangle.tolist()
+    )

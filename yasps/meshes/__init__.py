@@ -1,0 +1,1 @@
+"""Tetrahedral meshes: from files, of simple shapes, of closed surfaces."""

@@ -1,0 +1,1 @@
+"""What a run shows: files, pictures, animations, progress."""
