@@ -16,7 +16,7 @@ import yasps.backend
 from benchmarks.bandwidth import memory_bandwidth
 from benchmarks.element_rows import PeersDisagreeError
 from benchmarks.measure import Peer, Report, Row, Settings, measure
-from yasps.frontend.environment_report import cpu_model
+from yasps.frontend.commands.environment_report import cpu_model
 from yasps.meshes.mesh_file import read_tetrahedral_mesh
 from yasps.meshes.shapes import box
 from yasps.runtime.assembly import Assembler, KernelCall

@@ -15,10 +15,10 @@ from yasps.backend.cpp_curvature import DENSE_PRELUDE
 from yasps.backend.cpp_object import PRELUDE, CppEmitter
 from yasps.backend.scene_view import SceneView
 from yasps.contact.barrier import barrier, squared_point_plane
-from yasps.frontend.attribute import Attribute
-from yasps.frontend.emit import SceneEmitter
-from yasps.frontend.mesh import Mesh
-from yasps.frontend.primitive import Primitive
+from yasps.frontend.execution.emit import SceneEmitter
+from yasps.frontend.language.attribute import Attribute
+from yasps.frontend.language.mesh import Mesh
+from yasps.frontend.language.primitive import Primitive
 from yasps.passes.pipeline import run_pipeline
 
 DESCRIPTION = "generated lines, objects and local memory of point-triangle contact over 1 to 4 parameterisations"

@@ -22,9 +22,9 @@ from yasps.backend.cpp_object import CppEmitter
 from yasps.backend.program import LINK_FLAGS
 from yasps.backend.scene_view import SceneView
 from yasps.examples.two_bunnies import two_bunnies
-from yasps.frontend.cpu_scene import CpuScene
-from yasps.frontend.emit import SceneEmitter
-from yasps.frontend.environment_report import cpu_model
+from yasps.frontend.commands.environment_report import cpu_model
+from yasps.frontend.execution.cpu_scene import CpuScene
+from yasps.frontend.execution.emit import SceneEmitter
 from yasps.frontend.scene import Scene
 from yasps.meshes.shapes import box
 from yasps.passes.pipeline import run_pipeline

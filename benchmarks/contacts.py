@@ -12,7 +12,7 @@ from benchmarks.element_rows import check_close
 from benchmarks.ipctk_contacts import IpctkPairs, ipctk_pairs
 from benchmarks.kernel_problem import FLOOR_NOTES, Machine, floor_rows, measure_machine, projected_share
 from benchmarks.measure import Peer, Report, Row, Settings, measure
-from yasps.frontend.environment_report import cpu_model
+from yasps.frontend.commands.environment_report import cpu_model
 from yasps.runtime.library import available_processors
 from yasps.runtime.toolchain import find_compiler
 

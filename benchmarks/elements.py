@@ -12,7 +12,7 @@ from benchmarks.element_rows import WHAT_ROWS_HOLD, check_close, make_contest
 from benchmarks.kernel_problem import FLOOR_NOTES, UNIT, floor_rows, measure_machine
 from benchmarks.measure import Peer, Report, Settings, measure
 from benchmarks.sympy_kernel import SympyTets, sympy_tets
-from yasps.frontend.environment_report import cpu_model
+from yasps.frontend.commands.environment_report import cpu_model
 from yasps.meshes.mesh_file import read_tetrahedral_mesh
 from yasps.runtime.library import available_processors
 

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from yasps import Scene, materials
 from yasps.contact import barrier as contact
-from yasps.frontend.attribute import Attribute
+from yasps.frontend.language.attribute import Attribute
 
 Values = Mapping[str, Attribute]
 Shapes = dict[str, tuple[int, int]]

@@ -13,9 +13,9 @@ from benchmarks.arithmetic import peak_arithmetic
 from benchmarks.bandwidth import memory_bandwidth
 from benchmarks.measure import Row
 from benchmarks.opcounts import operations
-from yasps.frontend.attribute import Stored
-from yasps.frontend.compiled_scene import CompiledScene
-from yasps.frontend.cpu_scene import CpuScene
+from yasps.frontend.execution.compiled_scene import CompiledScene
+from yasps.frontend.execution.cpu_scene import CpuScene
+from yasps.frontend.language.attribute import Stored
 from yasps.runtime.assembly import Assembler, KernelCall
 from yasps.runtime.toolchain import Compiler
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from benchmarks.measure import Peer, Row, measure
 from yasps import Scene
-from yasps.frontend.environment_report import cpu_model
+from yasps.frontend.commands.environment_report import cpu_model
 from yasps.runtime.device import Device, DeviceArray
 from yasps.runtime.library import available_processors
 

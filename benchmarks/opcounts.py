@@ -15,8 +15,8 @@ from xdsl.dialects.builtin import ModuleOp
 from benchmarks.energies import ENERGIES, Energy, Numbers
 from benchmarks.measure import Report, Row, Settings
 from yasps.backend.interpreter import Interpreter, SceneData
-from yasps.frontend.attribute import Stored
-from yasps.frontend.emit import SceneEmitter
+from yasps.frontend.execution.emit import SceneEmitter
+from yasps.frontend.language.attribute import Stored
 from yasps.frontend.scene import Scene
 from yasps.passes.pipeline import run_pipeline
 

@@ -18,7 +18,7 @@ from benchmarks.element_rows import check_close
 from benchmarks.measure import Peer, Report, Row, Settings, measure
 from benchmarks.projection_peers import EigenProjection, eigen_projection, numpy_projection
 from benchmarks.sympy_kernel import EigenNotFoundError
-from yasps.frontend.environment_report import cpu_model
+from yasps.frontend.commands.environment_report import cpu_model
 from yasps.runtime.library import LANES, Runtime, available_processors, load_runtime
 from yasps.runtime.toolchain import Compiler, Source, compile_sources, find_compiler, link
 

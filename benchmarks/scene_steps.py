@@ -10,7 +10,7 @@ import numpy as np
 from benchmarks.measure import Report, Row, Settings
 from benchmarks.on_device import ON_DEVICE, Where, new_scene
 from yasps.examples.two_bunnies import two_bunnies
-from yasps.frontend.environment_report import cpu_model
+from yasps.frontend.commands.environment_report import cpu_model
 from yasps.meshes.mesh_file import read_tetrahedral_mesh
 from yasps.meshes.rabbit import FEWEST_VERTICES, rabbit
 from yasps.output.progress import TimeTable

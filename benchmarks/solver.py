@@ -13,7 +13,7 @@ from scipy.sparse import linalg
 from benchmarks.kernel_problem import on_cpu
 from benchmarks.measure import Peer, Report, Row, Settings, measure
 from benchmarks.solver_problems import PROBLEMS, SolverProblem
-from yasps.frontend.environment_report import cpu_model
+from yasps.frontend.commands.environment_report import cpu_model
 from yasps.runtime.block_matrix import BlockMatrix
 from yasps.runtime.direct_solver import LIBRARIES, DirectSolver, available_libraries
 from yasps.runtime.library import available_processors

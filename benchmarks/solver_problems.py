@@ -13,9 +13,9 @@ from benchmarks.kernel_problem import on_cpu
 from benchmarks.on_device import Where, new_scene
 from yasps import Attribute, Scene, materials
 from yasps.contact.barrier import BarrierContact
-from yasps.frontend.compiled_scene import CompiledScene
-from yasps.frontend.mesh import Mesh
-from yasps.frontend.primitive import Primitive
+from yasps.frontend.execution.compiled_scene import CompiledScene
+from yasps.frontend.language.mesh import Mesh
+from yasps.frontend.language.primitive import Primitive
 from yasps.meshes.shapes import box
 from yasps.meshes.tetrahedral_mesh import TetrahedralMesh
 from yasps.runtime.block_matrix import BlockMatrix

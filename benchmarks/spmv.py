@@ -15,7 +15,7 @@ from benchmarks.element_rows import PeersDisagreeError
 from benchmarks.measure import Peer, Report, Row, Settings, measure
 from benchmarks.spmv_peers import EigenProduct, FloatArray, MklNotFoundError, MklProduct
 from benchmarks.sympy_kernel import EigenNotFoundError
-from yasps.frontend.environment_report import cpu_model
+from yasps.frontend.commands.environment_report import cpu_model
 from yasps.meshes.mesh_file import read_tetrahedral_mesh
 from yasps.meshes.shapes import sphere
 from yasps.meshes.tetrahedral_mesh import TetrahedralMesh

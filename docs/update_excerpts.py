@@ -18,7 +18,7 @@ from pathlib import Path
 
 import numpy as np
 
-from yasps.frontend import yasps_opt
+from yasps.frontend.commands import yasps_opt
 
 DOCUMENT = Path(__file__).with_name("architecture.md")
 HASH = re.compile(r"yasps_([0-9a-f]{20}|[A-Z])_")

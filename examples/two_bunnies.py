@@ -19,7 +19,7 @@ import numpy as np
 from yasps import Scene
 from yasps.bodies import AffineBody, Ground, SoftBody
 from yasps.contact.collision_geometry import narrowest_gap
-from yasps.frontend.newton_system import SOLVERS, WHEN_TO_PROJECT
+from yasps.frontend.execution.newton_system import SOLVERS, WHEN_TO_PROJECT
 from yasps.meshes.mesh_file import read_tetrahedral_mesh
 from yasps.meshes.rabbit import rabbit
 from yasps.meshes.tetrahedral_mesh import TetrahedralMesh

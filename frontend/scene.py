@@ -15,19 +15,19 @@ import numpy as np
 from yasps.backend.scene_data import save_scene_data
 from yasps.dialects.mat import spell
 from yasps.dialects.rel import PROJECTIONS
-from yasps.frontend.attribute import Attribute, FloatArray, Stored
-from yasps.frontend.compiled_scene import CompiledScene, CompileReport
-from yasps.frontend.cpu_scene import CpuScene
-from yasps.frontend.emit import EnergyTerm
-from yasps.frontend.entity import Entity
 from yasps.frontend.errors import NotConvergedError, SceneError, ShapeMismatchError
-from yasps.frontend.hessian import Hessian
-from yasps.frontend.mesh import Mesh
-from yasps.frontend.newton_system import advice_on, check_choices, check_limits, solve_newton_system
-from yasps.frontend.paper_names import SceneNames
-from yasps.frontend.scene_lock import lock_of, one_thread_at_a_time
-from yasps.frontend.scene_source import CompileRequest, make_dump_folder
-from yasps.frontend.spelling import both_spellings, paper_spelling
+from yasps.frontend.execution.compiled_scene import CompiledScene, CompileReport
+from yasps.frontend.execution.cpu_scene import CpuScene
+from yasps.frontend.execution.emit import EnergyTerm
+from yasps.frontend.execution.hessian import Hessian
+from yasps.frontend.execution.newton_system import advice_on, check_choices, check_limits, solve_newton_system
+from yasps.frontend.execution.scene_source import CompileRequest, make_dump_folder
+from yasps.frontend.language.attribute import Attribute, FloatArray, Stored
+from yasps.frontend.language.entity import Entity
+from yasps.frontend.language.mesh import Mesh
+from yasps.frontend.language.paper_names import SceneNames
+from yasps.frontend.language.scene_lock import lock_of, one_thread_at_a_time
+from yasps.frontend.language.spelling import both_spellings, paper_spelling
 from yasps.runtime.build_cache import file_name
 from yasps.runtime.library import Runtime, load_runtime
 from yasps.runtime.solver import SolveReport
@@ -36,9 +36,9 @@ from yasps.runtime.toolchain import find_compiler
 if TYPE_CHECKING:
     from scipy import sparse
 
-    from yasps.frontend.connectivity import Connectivity
-    from yasps.frontend.device_report import DeviceCompileReport
-    from yasps.frontend.primitive import PrimitiveBase
+    from yasps.frontend.execution.device_report import DeviceCompileReport
+    from yasps.frontend.language.connectivity import Connectivity
+    from yasps.frontend.language.primitive import PrimitiveBase
     from yasps.runtime.device import Device
 
 
@@ -415,7 +415,7 @@ class Scene(SceneNames, Entity):
             )
         self._check_complete(need_targets=need_targets)
         if arch is not None:
-            from yasps.frontend.device_report import compile_for_device
+            from yasps.frontend.execution.device_report import compile_for_device
 
             return compile_for_device(CompileRequest(self._symbol, self._energies, self._targets), arch)
         if self._compiled is None or self._compiled.is_outgrown:
@@ -435,7 +435,7 @@ class Scene(SceneNames, Entity):
         if not self.is_on_device:
             compiled = CpuScene(request, self.runtime, deterministic=self._deterministic)
         else:
-            from yasps.frontend.cuda_scene import CudaScene
+            from yasps.frontend.execution.cuda_scene import CudaScene
 
             compiled = CudaScene(request, self.device, deterministic=self._deterministic)
         self._alive.add(compiled)

@@ -127,7 +127,7 @@ class YaspsOptMain(xDSLOptMain):
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
-    """Runs passes on textual IR; the command `yasps-opt` (frontend/yasps_opt.py) is this and more.
+    """Runs passes on textual IR; the command `yasps-opt` (frontend/commands/yasps_opt.py) is this and more.
 
     Raises CompileError, and xDSL's ParseError for text that is no IR.
     """

@@ -17,7 +17,8 @@ from xdsl.parser import Parser
 from yasps import Attribute, Scene, concat_cols, concat_rows, identity, stumpff
 from yasps.dialects.mat import OPERATIONS
 from yasps.examples import two_bunnies
-from yasps.frontend import errors, yasps_opt
+from yasps.frontend import errors
+from yasps.frontend.commands import yasps_opt
 from yasps.passes.pipeline import PIPELINE, make_context
 
 ROOT = Path(__file__).parents[1]

@@ -27,7 +27,7 @@ import yasps.backend, yasps.dialects, yasps.examples, yasps.frontend, yasps.pass
 from yasps.frontend.scene import Solution
 from yasps.backend.interpreter import Interpreter
 from yasps.contact.collision_geometry import CollisionGeometry
-from yasps.frontend.compiled_scene import CompiledScene
+from yasps.frontend.execution.compiled_scene import CompiledScene
 from yasps.contact.barrier import BarrierContact
 from yasps.materials import *
 from yasps.stepping.newton import BackwardEuler, MovingPart, NewtonReport, NewtonSettings, minimize

@@ -1,7 +1,8 @@
-"""Writes frontend/paper_names.pyi, what type checkers see of the paper's spelling: `python tools/write_paper_names.py`.
+"""Writes frontend/language/paper_names.pyi, what type checkers see of the paper's spelling.
 
-It is made from the source: every public method and property of several words, in camelCase, with its keywords in
-camelCase, its types and its docstring. A test compares the file with what this would write.
+`python tools/write_paper_names.py` makes it from the source: every public method and property of several words, in
+camelCase, with its keywords in camelCase, its types and its docstring. A test compares the file with what this would
+write.
 """
 
 from __future__ import annotations
@@ -11,11 +12,18 @@ import subprocess
 import sys
 from pathlib import Path
 
-from yasps.frontend.spelling import camel_case
+from yasps.frontend.language.spelling import camel_case
 
 FRONTEND = Path(__file__).resolve().parents[1] / "frontend"
-STUB = FRONTEND / "paper_names.pyi"
-MODULES = ("attribute", "connectivity", "entity", "primitive", "mesh", "scene")
+STUB = FRONTEND / "language" / "paper_names.pyi"
+MODULES = (
+    "language.attribute",
+    "language.connectivity",
+    "language.entity",
+    "language.primitive",
+    "language.mesh",
+    "scene",
+)
 SUFFIX = "Names"
 HEADER = '''# ruff: noqa: N802
 """The paper's spelling for type checkers. Written by tools/write_paper_names.py from the classes themselves."""
@@ -28,7 +36,7 @@ def stub() -> str:
     imports: dict[str, str] = {}
     classes: list[ast.ClassDef] = []
     for module in MODULES:
-        tree = ast.parse((FRONTEND / f"{module}.py").read_text(encoding="utf-8"))
+        tree = ast.parse((FRONTEND / f"{module.replace('.', '/')}.py").read_text(encoding="utf-8"))
         imports |= _imported_names(tree, f"yasps.frontend.{module}")
         classes += [node for node in tree.body if isinstance(node, ast.ClassDef) and _names_class(node) is not None]
     inherited = {node.name: _base(node) for node in classes}

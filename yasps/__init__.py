@@ -4,8 +4,6 @@ Describe a scene - primitives, connectivities, attributes, energies - and the co
 semi-definite Hessians, the sparsity of the global system and fast kernels, and solves the Newton system.
 """
 
-from yasps.frontend.attribute import Attribute, ComputedValue, concat_cols, concat_rows, constant, identity, zeros
-from yasps.frontend.connectivity import Connectivity
 from yasps.frontend.errors import (
     ConnectivityError,
     DataError,
@@ -19,9 +17,19 @@ from yasps.frontend.errors import (
     UnsupportedSceneError,
     YaspsError,
 )
-from yasps.frontend.functions import atan2, maximum, minimum, select, stumpff
-from yasps.frontend.mesh import Mesh
-from yasps.frontend.primitive import Primitive, PrimitiveUnion
+from yasps.frontend.language.attribute import (
+    Attribute,
+    ComputedValue,
+    concat_cols,
+    concat_rows,
+    constant,
+    identity,
+    zeros,
+)
+from yasps.frontend.language.connectivity import Connectivity
+from yasps.frontend.language.functions import atan2, maximum, minimum, select, stumpff
+from yasps.frontend.language.mesh import Mesh
+from yasps.frontend.language.primitive import Primitive, PrimitiveUnion
 from yasps.frontend.scene import Scene, Solution, add_scene, scene
 
 addScene = add_scene  # noqa: N816 - the paper's spelling

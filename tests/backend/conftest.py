@@ -9,7 +9,7 @@ from mat_bodies import relative_error
 
 from yasps import Scene
 from yasps.backend.interpreter import Interpreter
-from yasps.frontend.cpu_scene import CpuScene
+from yasps.frontend.execution.cpu_scene import CpuScene
 
 TOLERANCE = 1e-12
 

@@ -9,7 +9,7 @@ import pytest
 
 from yasps import Scene
 from yasps.backend.cpp_derivative import MOST_PACKS
-from yasps.frontend.cpu_scene import CpuScene
+from yasps.frontend.execution.cpu_scene import CpuScene
 
 Check = Callable[[Scene], CpuScene]
 

@@ -19,8 +19,8 @@ from yasps.backend.cuda_object import PRELUDE, CudaEmitter
 from yasps.backend.object_text import ObjectCode
 from yasps.backend.scene_view import SceneView
 from yasps.examples.two_bunnies import two_bunnies
-from yasps.frontend.device_report import DeviceCompileReport
-from yasps.frontend.emit import SceneEmitter
+from yasps.frontend.execution.device_report import DeviceCompileReport
+from yasps.frontend.execution.emit import SceneEmitter
 from yasps.meshes.shapes import box
 from yasps.passes.pipeline import run_pipeline
 from yasps.runtime.cuda_device import cub_source

@@ -10,7 +10,7 @@ import pytest
 from small_scenes import SCENES
 
 from yasps import Scene
-from yasps.frontend.cpu_scene import CpuScene
+from yasps.frontend.execution.cpu_scene import CpuScene
 from yasps.runtime.library import load_runtime
 from yasps.runtime.toolchain import DEFAULT_FLAGS, find_compiler
 

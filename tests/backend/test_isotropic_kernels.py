@@ -11,9 +11,9 @@ import pytest
 from mat_bodies import relative_error
 
 from yasps import Attribute, Scene, identity, materials
-from yasps.frontend import scene_source
-from yasps.frontend.cpu_scene import CpuScene
 from yasps.frontend.errors import NotFiniteError
+from yasps.frontend.execution import scene_source
+from yasps.frontend.execution.cpu_scene import CpuScene
 from yasps.passes.pipeline import run_pipeline
 
 Check = Callable[[Scene], CpuScene]

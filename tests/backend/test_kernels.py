@@ -11,7 +11,7 @@ from mat_bodies import relative_error
 from small_scenes import SCENES, mixed_union, soft_tets
 
 from yasps import Attribute, Scene, concat_rows
-from yasps.frontend.cpu_scene import CpuScene
+from yasps.frontend.execution.cpu_scene import CpuScene
 from yasps.runtime.library import load_runtime
 from yasps.runtime.toolchain import find_compiler
 

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from yasps import ConnectivityError, Scene, SceneError
 from yasps.backend.interpreter import Interpreter
 from yasps.backend.scene_view import SceneView
-from yasps.frontend.cpu_scene import CpuScene
+from yasps.frontend.execution.cpu_scene import CpuScene
 
 TOLERANCE = 1e-12
 STEP = 1e-30

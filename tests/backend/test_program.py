@@ -11,7 +11,7 @@ from small_scenes import mixed_union, shared_targets, soft_tets, stable_neo_hook
 from yasps import NotFiniteError, Scene
 from yasps.backend.cpp_object import CppEmitter
 from yasps.backend.scene_view import SceneView
-from yasps.frontend.cpu_scene import CpuScene
+from yasps.frontend.execution.cpu_scene import CpuScene
 from yasps.runtime.toolchain import CompilerNotFoundError
 
 

@@ -7,7 +7,7 @@ import pytest
 
 from yasps import ConnectivityError, DataError, Primitive, Scene
 from yasps.backend.interpreter import Interpreter
-from yasps.frontend.cpu_scene import CpuScene
+from yasps.frontend.execution.cpu_scene import CpuScene
 from yasps.runtime.ordering import FEWEST_BLOCKS
 
 

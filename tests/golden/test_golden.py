@@ -22,7 +22,7 @@ from yasps.backend.cpp_expand import EXPAND_PRELUDE
 from yasps.backend.cpp_object import PRELUDE, CppEmitter
 from yasps.backend.cpp_scatter import SCATTER_PRELUDE
 from yasps.backend.scene_view import SceneView
-from yasps.frontend.emit import SceneEmitter
+from yasps.frontend.execution.emit import SceneEmitter
 from yasps.passes.ir_text import text_of
 from yasps.passes.pipeline import PIPELINE, make_context, run_pipeline
 

@@ -15,8 +15,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from yasps import Attribute, Scene, materials
 from yasps.contact.barrier import BarrierContact
-from yasps.frontend.mesh import Mesh
-from yasps.frontend.primitive import Primitive
+from yasps.frontend.language.mesh import Mesh
+from yasps.frontend.language.primitive import Primitive
 from yasps.meshes.shapes import TriangleMesh
 from yasps.meshes.tetrahedral_mesh import TetrahedralMesh
 from yasps.stepping.newton import BackwardEuler, MovingPart, NewtonReport, NewtonSettings

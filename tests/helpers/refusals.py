@@ -21,9 +21,9 @@ from yasps import (
     Scene,
     YaspsError,
 )
-from yasps.frontend.attribute import Stored
-from yasps.frontend.entity import Entity
-from yasps.frontend.primitive import PrimitiveBase
+from yasps.frontend.language.attribute import Stored
+from yasps.frontend.language.entity import Entity
+from yasps.frontend.language.primitive import PrimitiveBase
 
 
 @dataclass

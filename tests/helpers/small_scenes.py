@@ -13,8 +13,8 @@ from xdsl.dialects.builtin import ModuleOp
 
 from yasps import Attribute, Connectivity, Primitive, Scene, concat_rows
 from yasps.backend.interpreter import Interpreter, SceneData
-from yasps.frontend.attribute import Stored
-from yasps.frontend.emit import SceneEmitter
+from yasps.frontend.execution.emit import SceneEmitter
+from yasps.frontend.language.attribute import Stored
 
 STEP = 1e-30
 Array = NDArray[np.float64]

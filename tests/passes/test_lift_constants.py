@@ -16,7 +16,7 @@ from yasps.backend.interpreter import Interpreter
 from yasps.backend.scene_data import check_scene_data
 from yasps.contact import barrier as contact
 from yasps.dialects.rel import DerivativeOp, StorageOp
-from yasps.frontend.scene_key import text_of_key
+from yasps.frontend.execution.scene_key import text_of_key
 from yasps.passes.pipeline import LIFTING, PIPELINE, make_context, run_pipeline
 
 Formula = Callable[[Attribute, float], Attribute]

@@ -22,9 +22,9 @@ from yasps import Attribute, Scene
 from yasps.dialects.mat import matrix_type
 from yasps.dialects.mat.calculus import ProjectPsdOp
 from yasps.dialects.rel import AttributeOp, CurvatureOp, DerivativeOp, JacobianOp, StorageOp, name_of
-from yasps.frontend.attribute import combine
+from yasps.frontend.commands.yasps_opt import main
 from yasps.frontend.errors import NotFiniteError, UnsupportedSceneError
-from yasps.frontend.yasps_opt import main
+from yasps.frontend.language.attribute import combine
 from yasps.passes import pipeline
 from yasps.passes.errors import CompileError, place_of
 from yasps.passes.ir_text import text_of

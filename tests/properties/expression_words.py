@@ -31,7 +31,7 @@ from xdsl.dialects.builtin import DenseArrayBase, FloatAttr, f64, i64
 from yasps import Attribute, Scene, atan2, concat_cols, concat_rows, maximum, minimum, select, stumpff
 from yasps.dialects.mat import OPERATIONS as MAT_OPERATIONS
 from yasps.dialects.mat import algebra, elementwise, structure
-from yasps.frontend.attribute import combine, constant
+from yasps.frontend.language.attribute import combine, constant
 
 Shape = tuple[int, int]
 Numbers = tuple[int, ...]

@@ -13,7 +13,7 @@ from xdsl.dialects.builtin import ModuleOp
 from yasps import Scene
 from yasps.backend.interpreter import Interpreter, SceneData
 from yasps.dialects.rel import name_of
-from yasps.frontend.cpu_scene import CpuScene
+from yasps.frontend.execution.cpu_scene import CpuScene
 from yasps.passes.pipeline import run_pipeline
 from yasps.runtime.device import Device
 from yasps.runtime.library import Runtime

@@ -19,7 +19,7 @@ from profiles import examples
 from small_scenes import emit, shared_targets
 
 from yasps.backend.scene_data import SceneDataError, load_scene_data, save_scene_data
-from yasps.frontend.yasps_opt import main
+from yasps.frontend.commands.yasps_opt import main
 from yasps.meshes import mesh_file
 from yasps.meshes.mesh_file import read_tetrahedral_mesh
 from yasps.meshes.shapes import box

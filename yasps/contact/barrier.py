@@ -19,13 +19,13 @@ from numpy.typing import ArrayLike
 from yasps.contact.active_set import ActiveSet, MollifiedPairs, Pairs
 from yasps.contact.collision_geometry import Candidates, CollisionGeometry
 from yasps.contact.surface_arguments import checked_points
-from yasps.frontend.arrays import positive_number
-from yasps.frontend.attribute import Attribute, FloatArray
 from yasps.frontend.errors import IntersectionError, SceneError
-from yasps.frontend.in_scene import InScene
-from yasps.frontend.mesh import Mesh
-from yasps.frontend.primitive import Primitive, PrimitiveBase, PrimitiveUnion
-from yasps.frontend.scene_lock import one_thread_at_a_time
+from yasps.frontend.language.arrays import positive_number
+from yasps.frontend.language.attribute import Attribute, FloatArray
+from yasps.frontend.language.in_scene import InScene
+from yasps.frontend.language.mesh import Mesh
+from yasps.frontend.language.primitive import Primitive, PrimitiveBase, PrimitiveUnion
+from yasps.frontend.language.scene_lock import one_thread_at_a_time
 
 LOGGER = logging.getLogger("yasps")
 

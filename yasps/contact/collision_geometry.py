@@ -28,8 +28,8 @@ from yasps.contact.surface_arguments import (
     labels_of_filter,
     ranges_of_objects,
 )
-from yasps.frontend.arrays import positive_number, real_numbers
 from yasps.frontend.errors import DataError, IntersectionError, SceneError
+from yasps.frontend.language.arrays import positive_number, real_numbers
 from yasps.meshes.tetrahedral_mesh import TetrahedralMesh
 from yasps.runtime.library import Runtime, load_runtime
 from yasps.runtime.surface_pairs import Surface, SurfacePairs

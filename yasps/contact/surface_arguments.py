@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from yasps.contact.active_set import Floats, Ids
-from yasps.frontend.arrays import plain_array, real_numbers
 from yasps.frontend.errors import ConnectivityError, DataError, SceneError
+from yasps.frontend.language.arrays import plain_array, real_numbers
 
 
 def checked_points(points: ArrayLike, name: str, count: int | None = None) -> Floats:

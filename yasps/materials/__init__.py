@@ -12,10 +12,10 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from yasps.frontend.arrays import real_numbers, vertices_and_elements
-from yasps.frontend.attribute import Attribute, as_attribute, concat_rows, identity
 from yasps.frontend.errors import SceneError, ShapeMismatchError
-from yasps.frontend.functions import select
+from yasps.frontend.language.arrays import real_numbers, vertices_and_elements
+from yasps.frontend.language.attribute import Attribute, as_attribute, concat_rows, identity
+from yasps.frontend.language.functions import select
 
 Scalar = Attribute | float
 

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from yasps.frontend.arrays import real_numbers
+from yasps.frontend.language.arrays import real_numbers
 from yasps.meshes.tetrahedral_mesh import TET_EDGES, Float64Array, MeshError, TetrahedralMesh, Vector
 
 ImplicitSurface = Callable[[Float64Array], Float64Array]

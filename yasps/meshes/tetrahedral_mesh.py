@@ -10,8 +10,8 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial.transform import Rotation
 
-from yasps.frontend.arrays import plain_array, real_numbers
 from yasps.frontend.errors import YaspsError
+from yasps.frontend.language.arrays import plain_array, real_numbers
 
 Float64Array = npt.NDArray[np.float64]
 Int32Array = npt.NDArray[np.int32]

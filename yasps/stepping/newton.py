@@ -14,13 +14,13 @@ from numpy.typing import ArrayLike
 
 from yasps.contact.barrier import BarrierContact
 from yasps.contact.collision_geometry import Candidates
-from yasps.frontend.arrays import in_instances, positive_number, real_numbers
-from yasps.frontend.attribute import Attribute, FloatArray
 from yasps.frontend.errors import NotConvergedError, SceneError
-from yasps.frontend.in_scene import InScene
-from yasps.frontend.newton_system import advice_on, check_choices, solve_newton_system
+from yasps.frontend.execution.newton_system import advice_on, check_choices, solve_newton_system
+from yasps.frontend.language.arrays import in_instances, positive_number, real_numbers
+from yasps.frontend.language.attribute import Attribute, FloatArray
+from yasps.frontend.language.in_scene import InScene
+from yasps.frontend.language.scene_lock import SceneLock, one_thread_at_a_time
 from yasps.frontend.scene import Scene
-from yasps.frontend.scene_lock import SceneLock, one_thread_at_a_time
 from yasps.output.progress import TimeTable
 
 ROUNDING = 1e-15

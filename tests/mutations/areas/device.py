@@ -338,14 +338,16 @@ MUTATIONS = (
         "backend/cuda_prelude.cuh",
         "sink.gradient_at[i * capacity + p]",
         "sink.gradient_at[p]",
-        ("tests/frontend/test_cuda_scene.py::test_deterministic_scenes_give_the_same_bits_in_any_order_of_threads",),
+        (
+            "tests/frontend/execution/test_cuda_scene.py::test_deterministic_scenes_give_the_same_bits_in_any_order_of_threads",
+        ),
     ),
     Mutation(
         "kernels: instances behind the last thread are not visited",
         "backend/cuda_derivative.py",
         "for (long i = thread; i < count; i += ",
         "for (long i = thread; i < count; i += count + ",
-        ("tests/frontend/test_cuda_scene.py::test_threads_with_a_workspace_take_several_instances",),
+        ("tests/frontend/execution/test_cuda_scene.py::test_threads_with_a_workspace_take_several_instances",),
     ),
     Mutation(
         "dense: the width of merged leaves lacks the last",

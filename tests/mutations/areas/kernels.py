@@ -168,6 +168,6 @@ MUTATIONS = (
         "backend/cpp_function.py",
         '"olt": "{0} < {1}"',
         '"olt": "{0} > {1}"',
-        ("tests/frontend/test_functions.py",),
+        ("tests/frontend/language/test_functions.py",),
     ),
 )

@@ -5,7 +5,7 @@ from __future__ import annotations
 from mutation import Mutation
 
 EXPRESSIONS = ("tests/properties/test_expressions.py",)
-FUNCTIONS = ("tests/frontend/test_functions.py",)
+FUNCTIONS = ("tests/frontend/language/test_functions.py",)
 
 MUTATIONS = (
     Mutation(

@@ -1,0 +1,390 @@
+"""What a scene compiled for any device has in common: its code, its terms, and what must be done again when."""
+
+from __future__ import annotations
+
+import time
+from abc import ABC, abstractmethod
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+from xdsl.dialects.builtin import ModuleOp
+
+from yasps.backend.object_text import ObjectEmitter
+from yasps.backend.program import CompiledModule
+from yasps.backend.scene_data import SceneData
+from yasps.backend.scene_view import SceneView
+from yasps.frontend.errors import ConnectivityError, NotFiniteError, SceneError
+from yasps.frontend.execution.emit import EnergyTerm
+from yasps.frontend.execution.hessian import Hessian
+from yasps.frontend.execution.scene_source import CompileRequest, SceneSource
+from yasps.frontend.language.attribute import Attribute, FloatArray, Joined, Location, Stored, operands_of
+from yasps.frontend.language.connectivity import Connectivity
+from yasps.frontend.language.entity import Entity
+from yasps.frontend.language.in_scene import InScene
+from yasps.frontend.language.primitive import Primitive, PrimitiveBase, PrimitiveUnion
+from yasps.frontend.language.scene_lock import one_thread_at_a_time
+from yasps.runtime.block_matrix import MOST_SCALARS, BlockGroup
+from yasps.runtime.library import Projection
+from yasps.runtime.solver import SolveReport
+
+MODES = {"clamp": Projection.CLAMP, "abs": Projection.ABS, "none": Projection.NONE}
+
+
+@dataclass(frozen=True)
+class CompileReport:
+    """What compiling took.
+
+    symbolic_seconds: passes from the frontend's IR to scalar code; native_seconds: emitting, compiling, linking,
+    loading; modules: one line for each object file.
+    """
+
+    symbolic_seconds: float
+    native_seconds: float
+    modules: tuple[CompiledModule, ...]
+
+    @property
+    def compiled(self) -> int:
+        """Object files and links that were made, not found in the cache."""
+        return sum(not module.cached for module in self.modules)
+
+    def __str__(self) -> str:
+        cached = len(self.modules) - self.compiled
+        return (
+            f"{self.compiled} modules compiled, {cached} cached; symbolic {self.symbolic_seconds:.2f} s, "
+            f"native {self.native_seconds:.2f} s"
+        )
+
+
+@dataclass
+class Term:
+    """An energy in the program."""
+
+    symbol: str
+    where: Location
+    owner: Primitive | PrimitiveUnion | None
+    derivative: str | None
+    kappa: str | None
+    capacity: int
+    dynamic: bool
+    mode: Projection
+
+    @property
+    def count(self) -> int:
+        """How many instances it has now."""
+        return 1 if self.owner is None else self.owner.num_instances
+
+
+class _Reads:
+    """Connectivities and owners of all attributes that some attributes are computed from."""
+
+    def __init__(self, roots: Sequence[Attribute]) -> None:
+        self.connectivities: set[Connectivity] = set()
+        self.owners: set[Entity] = set()
+        seen = set(roots)
+        stack = list(roots)
+        while stack:
+            attribute = stack.pop()
+            if attribute.owner is not None:
+                self.owners.add(attribute.owner)
+            node = attribute.node
+            if isinstance(node, Joined):
+                self.connectivities.add(node.connectivity)
+            new = [operand for operand in operands_of(node) if operand not in seen]
+            seen.update(new)
+            stack.extend(new)
+
+
+class CompiledScene(InScene, ABC):
+    """Machine code for energies, targets and outputs of a scene, bound to its arrays."""
+
+    def __init__(self, request: CompileRequest) -> None:
+        self._lock = request.lock
+        self.targets = list(request.targets)
+        start = time.perf_counter()
+        self._source = SceneSource(request, self._emitter, self._key())
+        self.emitter, self.code, self.numbers = self._source.emitter, self._source.code, self._source.numbers
+        symbolic = time.perf_counter() - start
+        modules = self._build(request.dump_to)
+        native = time.perf_counter() - start - symbolic
+        self.report = CompileReport(symbolic, native, tuple(modules))
+        self._starts: dict[str, NDArray[np.int64]] = {}
+        self._offsets: dict[str, NDArray[np.int64]] = {}
+        self._terms = self._make_terms(request.energies)
+        self._owners = set(self.emitter.owners.values())
+        self._connected = set(self.emitter.connected.values())
+        self._static_reads = _Reads([energy.attribute for energy in request.energies if not energy.dynamic])
+        self._bound = False
+        self._static_valid = False
+        self._dynamic_valid = False
+
+    # -- what devices differ in ----------------------------------------------------------------------------
+
+    @abstractmethod
+    def _key(self) -> Sequence[str]:
+        """What the generated code depends on apart from the scene."""
+
+    @abstractmethod
+    def _emitter(self, view: SceneView) -> ObjectEmitter:
+        """What emits the code."""
+
+    @abstractmethod
+    def _build(self, dump_to: Path | None) -> Sequence[CompiledModule]:
+        """Compiles and loads the code, and makes room for what it computes; returns the compile log."""
+
+    @abstractmethod
+    def _point(self) -> None:
+        """Points the program to the scene's arrays as they are now."""
+
+    @abstractmethod
+    def _run(self, symbol: str, count: int, shape: tuple[int, int]) -> FloatArray:
+        """Values of a computed attribute on `count` instances."""
+
+    @abstractmethod
+    def total_energy(self) -> float:
+        """Sum of all energies; infinite or NaN where one is."""
+
+    @abstractmethod
+    def update_structure(self) -> None:
+        """Placement indices and sparsity, for the parts that changed (paper, section 6, appendices A and B)."""
+
+    @abstractmethod
+    def assemble(self, *, hessian: bool = True, project: bool = True) -> FloatArray:
+        """Gradient of all targets, end to end, and the Hessian, which stays inside.
+
+        Raises NotFiniteError that names the energy and the instance.
+        """
+
+    @abstractmethod
+    def solve_linear(
+        self,
+        gradient: FloatArray,
+        tolerance: float,
+        max_iterations: int,
+        *,
+        solver: str = "pcg",
+        history: bool = False,
+    ) -> tuple[FloatArray, SolveReport]:
+        """x of H x = gradient for the assembled Hessian by "pcg", "direct" or "auto", and how the solver ended."""
+
+    @abstractmethod
+    def placement_indices(self, term: Term) -> NDArray[np.int32]:
+        """Where the derivatives of an energy of changing instances went when last assembled, [instances, slots]:
+        1-based scalar offsets of dof blocks, 0 for none."""
+
+    @abstractmethod
+    def hessian_groups(self) -> list[BlockGroup]:
+        """The blocks of the assembled Hessian by shape, on the host; of one place there may be several."""
+
+    # -- code ----------------------------------------------------------------------------------------------
+
+    @property
+    @one_thread_at_a_time
+    def module(self) -> ModuleOp:
+        """The scene's IR after all passes, which run now if the code came from the cache."""
+        return self._source.module
+
+    def _make_terms(self, energies: Sequence[EnergyTerm]) -> list[Term]:
+        derivatives = self.code.derivatives
+        terms = []
+        for energy in energies:
+            symbol = self.emitter.symbol_of(energy.attribute)
+            derivative = derivatives.get(symbol)
+            owner = energy.attribute.owner
+            terms.append(
+                Term(
+                    symbol,
+                    energy.attribute.where,
+                    owner if isinstance(owner, Primitive | PrimitiveUnion) else None,
+                    derivative.symbol if derivative is not None else None,
+                    derivative.indices if derivative is not None else None,
+                    derivative.capacity if derivative is not None else 0,
+                    energy.dynamic,
+                    MODES[energy.projection],
+                )
+            )
+        return terms
+
+    # -- what changed --------------------------------------------------------------------------------------
+
+    def arrays_moved(self, owner: Entity) -> None:
+        """The owner's arrays are new ones: pointers must be taken again."""
+        if self._reads(owner):
+            self._bound = False
+
+    def _reads(self, owner: Entity) -> bool:
+        return not isinstance(owner, PrimitiveBase) or owner in self._owners
+
+    def connectivity_changed(self, connectivity: Connectivity) -> None:
+        """Indices changed: where derivatives go must be found again, for static energies only if they read them."""
+        if connectivity not in self._connected:
+            return
+        self._bound = False
+        self._dynamic_valid = False
+        if connectivity in self._static_reads.connectivities:
+            self._static_valid = False
+
+    def size_changed(self, owner: Entity) -> None:
+        """A number of instances changed: of targets and of union members it moves all that comes after them."""
+        if not self._reads(owner):
+            return
+        self._bound = False
+        self._dynamic_valid = False
+        if owner in self._static_reads.owners or any(target.owner is owner for target in self.targets):
+            self._static_valid = False
+
+    # -- numbers -------------------------------------------------------------------------------------------
+
+    @property
+    def is_outgrown(self) -> bool:
+        """Has a connectivity of variable arity got longer rows than the code was compiled for?"""
+        arities = self.code.arities
+        return any(c.arity != arities[name] for name, c in self.emitter.connected.items())
+
+    @one_thread_at_a_time
+    def bind(self) -> None:
+        """Points the program to the scene's arrays, if any has moved.
+
+        Raises DataError or ConnectivityError for numbers or indices that don't fit the numbers of instances, since
+        kernels read without checks; SceneError for more unknowns than 32-bit indices reach.
+        """
+        if self._bound:
+            return
+        if self.is_outgrown:
+            raise ConnectivityError(
+                "a connectivity of variable arity now has more neighbours on an instance than the scene was compiled "
+                "for; "
+                "call scene.compile() again"
+            )
+        for owner in self.emitter.owners.values():
+            owner.check_consistent()
+        start = 0
+        for target in self.targets:
+            assert isinstance(target.node, Stored)
+            _set_if_new(self._starts, self.emitter.symbol_of(target), np.array([start], np.int64))
+            start += target.node.array.size
+        if start > MOST_SCALARS:
+            raise SceneError(
+                f"the minimisation targets have {start} unknowns together, but at most {MOST_SCALARS} can be solved for"
+            )
+        for symbol, owner in self.emitter.owners.items():
+            if isinstance(owner, PrimitiveUnion):
+                _set_if_new(self._offsets, symbol, owner.offsets())
+        self._point()
+        self._bound = True
+
+    @one_thread_at_a_time
+    def data(self) -> SceneData:
+        """The scene's numbers for the reference interpreter."""
+        self.bind()
+        storages = {symbol: numbers.copy() for symbol, numbers in self.numbers.items()}
+        for symbol, attribute in self.emitter.stored.items():
+            assert isinstance(attribute.node, Stored)
+            storages[symbol] = attribute.node.array.copy()
+        return SceneData(
+            storages,
+            {symbol: c.indices for symbol, c in self.emitter.connected.items()},
+            {symbol: owner.num_instances for symbol, owner in self.emitter.owners.items()},
+        )
+
+    # -- work ----------------------------------------------------------------------------------------------
+
+    @one_thread_at_a_time
+    def evaluate(self, attribute: Attribute) -> FloatArray:
+        """Values of an output attribute on all instances, [instances, rows, columns]."""
+        assert attribute.owner is not None
+        return self._run(self.emitter.symbol_of(attribute), attribute.owner.num_instances, attribute.shape)
+
+    @one_thread_at_a_time
+    def energies(self) -> dict[str, FloatArray]:
+        """Each energy on all its instances, by path, [instances]."""
+        return {term.symbol: self._run(term.symbol, term.count, (1, 1)).reshape(-1) for term in self._terms}
+
+    @one_thread_at_a_time
+    def hessian(self) -> Hessian:
+        """A copy of the assembled Hessian."""
+        return Hessian(int(self._layout()[0][-1]), self.hessian_groups())
+
+    def _layout(self) -> tuple[NDArray[np.int64], NDArray[np.int32]]:
+        """Scalar offsets of the targets, [targets + 1], and scalars of one instance of each."""
+        sizes = [target.node.array.size for target in self.targets if isinstance(target.node, Stored)]
+        boundaries = np.cumsum([0, *sizes]).astype(np.int64)
+        return boundaries, np.array([rows * cols for rows, cols in (t.shape for t in self.targets)], np.int32)
+
+    def _not_finite(self, term: Term, instance: int) -> NotFiniteError:
+        value = float(self._run(term.symbol, term.count, (1, 1))[instance, 0, 0])
+        what = f"energy {term.symbol} is not finite ({value})"
+        if np.isfinite(value):
+            what = f"the derivatives of energy {term.symbol} are not finite"
+        return NotFiniteError(
+            f"{what} on instance {instance}{_connected(term.owner, instance)}; "
+            "look at its inputs there (inverted element, distance 0, overflow?). "
+            f"It was made at {term.where}"
+        )
+
+    def _check_gradient(self, gradient: FloatArray) -> None:
+        """Raises NotFiniteError that names the target: each energy is finite, but what lies behind its JOINs is not."""
+        if not np.isfinite(gradient).all():
+            unknown = int(np.argmin(np.isfinite(gradient)))
+            raise NotFiniteError(
+                f"the gradient is not finite on {self.place_of(unknown)}, though each energy has finite derivatives "
+                "with respect to what it reads: what a JOIN or UNION reads has none with respect to this target there "
+                "(the norm of a zero vector, the root of 0, overflow?)"
+            )
+
+    def place_of(self, unknown: int) -> str:
+        """Target and instance of one scalar unknown, for messages."""
+        start = 0
+        for target in self.targets:
+            assert isinstance(target.node, Stored)
+            if unknown < start + target.node.array.size:
+                return f"{target.path}, instance {(unknown - start) // (target.shape[0] * target.shape[1])}"
+            start += target.node.array.size
+        raise IndexError(f"unknown {unknown} of {start}")
+
+    def changing_energies_at(self, unknown: int) -> list[str]:
+        """Names, for messages, of the energies whose instances change (such as contact) and that act on the dof block
+        which starts at this scalar; each with the instance where it is largest."""
+        found = []
+        values = self.energies()
+        for term in self._terms:
+            if not term.dynamic or term.kappa is None or term.count == 0:
+                continue
+            acting = np.flatnonzero((self.placement_indices(term) == unknown + 1).any(axis=1))
+            if acting.size:
+                largest = int(acting[np.argmax(values[term.symbol][acting])])
+                found.append(f"{term.symbol} on instance {largest}{_connected(term.owner, largest)}")
+        return found
+
+    def split(self, stacked: FloatArray) -> list[FloatArray]:
+        """A vector of all unknowns as one flat array for each target."""
+        sizes = [target.node.array.size for target in self.targets if isinstance(target.node, Stored)]
+        return [part.copy() for part in np.split(stacked, np.cumsum(sizes)[:-1])]
+
+
+def _connected(owner: Primitive | PrimitiveUnion | None, instance: int) -> str:
+    """What an instance is connected to, for messages."""
+    if owner is None or not owner.connectivities:
+        return ""
+    parts = [
+        f"{c.name}: " + ", ".join(_name_of(c.target, int(index)) for index in c.indices[instance] if index >= 0)
+        for c in owner.connectivities.values()
+    ]
+    return f" ({'; '.join(parts)})"
+
+
+def _name_of(primitive: PrimitiveBase, instance: int) -> str:
+    """An instance's name; that of a union is the member's."""
+    if not isinstance(primitive, PrimitiveUnion):
+        return f"{primitive.path} {instance}"
+    starts = primitive.offsets()
+    k = int(np.searchsorted(starts, instance, side="right")) - 1
+    return _name_of(primitive.members[k], instance - int(starts[k]))
+
+
+def _set_if_new(arrays: dict[str, NDArray[np.int64]], name: str, array: NDArray[np.int64]) -> None:
+    """Keeps the array that is there if it is equal: it need not be copied to a device again then."""
+    if name not in arrays or not np.array_equal(arrays[name], array):
+        arrays[name] = array

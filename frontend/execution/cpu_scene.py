@@ -1,0 +1,199 @@
+"""A scene compiled for the processor: evaluation, assembly and solution in the memory of its arrays."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from yasps.backend.cpp_object import CppEmitter
+from yasps.backend.object_text import Binding
+from yasps.backend.program import CompiledModule, Program
+from yasps.backend.scene_view import SceneView
+from yasps.frontend.execution.compiled_scene import CompiledScene, Term
+from yasps.frontend.execution.instance_order import OrderedReads, own_reads, rows_of
+from yasps.frontend.execution.scene_source import CompileRequest
+from yasps.frontend.language.attribute import FloatArray, Stored
+from yasps.frontend.language.primitive import Primitive
+from yasps.frontend.language.scene_lock import one_thread_at_a_time
+from yasps.runtime.assembly import Assembler, KernelCall, evaluate
+from yasps.runtime.block_matrix import BlockGroup, BlockMatrix
+from yasps.runtime.library import Projection, Runtime
+from yasps.runtime.ordering import instance_order
+from yasps.runtime.solver import SolveReport
+from yasps.runtime.solver_choice import LinearSolver
+
+
+@dataclass
+class Placement:
+    """Where an energy's derivatives go: rows in the order in which its kernel visits the instances, that of `ordered`
+    if there is one."""
+
+    kappas: NDArray[np.int32]
+    positions: NDArray[np.int64]
+    ordered: OrderedReads | None = None
+
+
+class CpuScene(CompiledScene):
+    """A compiled scene on the processor."""
+
+    def __init__(self, request: CompileRequest, runtime: Runtime, *, deterministic: bool = False) -> None:
+        self.runtime = runtime
+        self.placements: dict[str, Placement] = {}
+        self.static_matrix = BlockMatrix(runtime, with_diagonal=True)
+        self.dynamic_matrix = BlockMatrix(runtime, with_diagonal=False)
+        self._assembler = Assembler(runtime, deterministic=deterministic)
+        self._solver = LinearSolver(runtime, deterministic=deterministic)
+        super().__init__(request)
+
+    def _key(self) -> Sequence[str]:
+        return [str(self.runtime.compiler.has_vector_math)]
+
+    def _emitter(self, view: SceneView) -> CppEmitter:
+        return CppEmitter(view, self.runtime.compiler.has_vector_math)
+
+    def _build(self, dump_to: Path | None) -> Sequence[CompiledModule]:
+        self.program = Program(self.code, self.runtime.compiler, dump_to)
+        runtime = [CompiledModule(item.name, item.seconds, item.cached, 0) for item in self.runtime.objects]
+        return [*runtime, *self.program.log]
+
+    def _point(self) -> None:
+        self.program.bind(self._address_of)
+        for term in self._terms:
+            placement = self.placements.get(term.symbol)
+            if placement is None:
+                continue
+            if not self._static_valid:
+                placement.ordered = None
+            elif placement.ordered is not None:
+                placement.ordered.point()
+
+    def _address_of(self, binding: Binding) -> int:
+        if binding.name in self.numbers:
+            return self.numbers[binding.name].ctypes.data
+        if binding.kind == "storage":
+            node = self.emitter.stored[binding.name].node
+            assert isinstance(node, Stored)
+            return node.array.ctypes.data
+        if binding.kind == "indices":
+            return self.emitter.connected[binding.name].indices.ctypes.data
+        if binding.kind == "offsets":
+            return self._offsets[binding.name].ctypes.data
+        return self._starts[binding.name].ctypes.data
+
+    def _run(self, symbol: str, count: int, shape: tuple[int, int]) -> FloatArray:
+        self.bind()
+        out = np.empty((count, *shape))
+        function, arguments = self.program.function(symbol, "batch"), self.program.arguments(symbol)
+        evaluate(self.runtime, function, arguments, count, out)
+        return out
+
+    @one_thread_at_a_time
+    def total_energy(self) -> float:
+        """Sum of all energies; infinite or NaN where one is."""
+        return float(sum(self.runtime.sum(values) for values in self.energies().values()))
+
+    @one_thread_at_a_time
+    def update_structure(self) -> None:
+        self.bind()
+        boundaries, block_sizes = self._layout()
+        for valid, matrix, dynamic in (
+            (self._static_valid, self.static_matrix, False),
+            (self._dynamic_valid, self.dynamic_matrix, True),
+        ):
+            if valid:
+                continue
+            terms = [term for term in self._terms if term.dynamic is dynamic and term.kappa is not None]
+            kappas = []
+            for term in terms:
+                assert term.kappa is not None
+                kappas.append(self.program.indices(term.kappa, term.count, term.capacity))
+            # Both parts need the same order inside; the one with most blocks, and that seldom changes, chooses it.
+            if dynamic:
+                built = matrix.build(boundaries, block_sizes, kappas, order=self.static_matrix.order)
+            else:
+                built = matrix.build(boundaries, block_sizes, kappas, reorder=True)
+            for term, kappa, positions in zip(terms, kappas, built, strict=True):
+                self.placements[term.symbol] = Placement(kappa, positions)
+                if not dynamic:
+                    self._order_instances(term)
+        self._static_valid = self._dynamic_valid = True
+
+    def _order_instances(self, term: Term) -> None:
+        """Lets the kernel visit the instances along their unknowns, if in the given order it would jump about."""
+        assert term.derivative is not None
+        if not isinstance(term.owner, Primitive) or term.owner.is_dynamic:
+            return
+        matrix, placement = self.static_matrix, self.placements[term.symbol]
+        order = instance_order(placement.kappas, matrix.block_size_at, matrix.order)
+        reads = own_reads(self.program, term.derivative, term.owner, self.emitter, self.targets)
+        if order is None or reads is None:
+            return
+        ordered = OrderedReads(self.program, term.derivative, order, *reads)
+        self.placements[term.symbol] = Placement(
+            rows_of(placement.kappas, order), rows_of(placement.positions, order), ordered
+        )
+
+    @one_thread_at_a_time
+    def assemble(self, *, hessian: bool = True, project: bool = True) -> FloatArray:
+        """Gradient of all targets, end to end; with `hessian` fills `static_matrix` and `dynamic_matrix`, whose sum is
+        the Hessian, else they stay as they are.
+
+        Raises NotFiniteError that names the energy and the instance.
+        """
+        self.update_structure()
+        gradient = np.zeros(self.static_matrix.size)
+        calls, terms = [], []
+        for term in self._terms:
+            if term.derivative is None or term.count == 0:
+                continue
+            placement = self.placements[term.symbol]
+            if placement.ordered is not None:
+                placement.ordered.refresh()
+            calls.append(
+                KernelCall(
+                    self.program.function(term.derivative, "derive"),
+                    self.program.arguments(term.derivative),
+                    term.count,
+                    placement.kappas,
+                    placement.positions if hessian else None,
+                    (1 if term.dynamic else 0) if hessian else None,
+                    term.mode if project else Projection.NONE,
+                )
+            )
+            terms.append(term)
+        parts = [self.static_matrix, self.dynamic_matrix] if hessian else []
+        statuses = self._assembler.assemble(calls, parts, gradient, self.static_matrix.block_size_at)
+        for term, status in zip(terms, statuses, strict=True):
+            if status.first_bad is not None:
+                ordered = self.placements[term.symbol].ordered
+                raise self._not_finite(
+                    term, status.first_bad if ordered is None else int(ordered.order[status.first_bad])
+                )
+        self._check_gradient(gradient)
+        return gradient
+
+    @one_thread_at_a_time
+    def solve_linear(
+        self,
+        gradient: FloatArray,
+        tolerance: float,
+        max_iterations: int,
+        *,
+        solver: str = "pcg",
+        history: bool = False,
+    ) -> tuple[FloatArray, SolveReport]:
+        """x of H x = gradient for the assembled Hessian by "pcg", "direct" or "auto", and how the solver ended."""
+        parts = [self.static_matrix, self.dynamic_matrix]
+        return self._solver.solve(parts, gradient, tolerance, max_iterations, solver=solver, with_history=history)
+
+    @one_thread_at_a_time
+    def placement_indices(self, term: Term) -> NDArray[np.int32]:
+        return self.placements[term.symbol].kappas
+
+    @one_thread_at_a_time
+    def hessian_groups(self) -> list[BlockGroup]:
+        return [*self.static_matrix.groups, *self.dynamic_matrix.groups]

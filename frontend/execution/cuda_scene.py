@@ -1,0 +1,284 @@
+"""A scene compiled for a GPU: everything but the scene's own arrays lives on the device.
+
+The scene's arrays are on the host, where users set and read them. Before any work, those that changed since the last
+time are copied to the device; results are copied back when they are asked for. In between, placement indices, sparsity,
+derivatives, assembly and the solver's vectors never leave the device.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from yasps.backend.cuda_object import CudaEmitter
+from yasps.backend.cuda_program import NONE_BAD, CudaProgram, DerivativeLaunch, dump_modules
+from yasps.backend.object_text import Binding
+from yasps.backend.program import CompiledModule
+from yasps.backend.scene_view import SceneView
+from yasps.frontend.errors import ConnectivityError, DataError
+from yasps.frontend.execution.compiled_scene import CompiledScene, Term
+from yasps.frontend.execution.device_report import CUDA_KEY
+from yasps.frontend.execution.scene_source import CompileRequest
+from yasps.frontend.language.attribute import FloatArray, Stored
+from yasps.frontend.language.scene_lock import one_thread_at_a_time
+from yasps.runtime.block_matrix import BlockGroup
+from yasps.runtime.cuda_block_matrix import BuildScratch, CudaBlockMatrix, CudaGradient
+from yasps.runtime.cuda_solver import CudaSolver
+from yasps.runtime.cuda_sum import DeviceSum
+from yasps.runtime.device import Device, DeviceArray
+from yasps.runtime.device_indices import DeviceIndices
+from yasps.runtime.library import Projection
+from yasps.runtime.solver import SolveReport
+
+
+@dataclass
+class _Mirror:
+    """A host array on the device: what was copied last."""
+
+    array: DeviceArray
+    source: NDArray[Any] | None = None
+    version: int = -1
+
+    def refresh(self, source: NDArray[Any], version: int) -> None:
+        if source is not self.source or version != self.version:
+            self.array.upload(source)
+            self.source, self.version = source, version
+
+
+class _Placement:
+    """Where an energy's derivatives go, and its values."""
+
+    def __init__(self, device: Device, name: str) -> None:
+        self.kappas = DeviceArray(device, np.int32, f"placement indices of {name}")
+        self.positions: DeviceArray | None = None
+        self.gradient_at: DeviceArray | None = None
+
+
+class CudaScene(CompiledScene):
+    """A compiled scene on a device."""
+
+    def __init__(self, request: CompileRequest, device: Device, *, deterministic: bool = False) -> None:
+        self.device = device
+        self._deterministic = deterministic
+        self._mirrors: dict[Binding, _Mirror] = {}
+        self._placements: dict[str, _Placement] = {}
+        super().__init__(request)
+
+    def _key(self) -> Sequence[str]:
+        return CUDA_KEY
+
+    def _emitter(self, view: SceneView) -> CudaEmitter:
+        return CudaEmitter(view)
+
+    def _build(self, dump_to: Path | None) -> Sequence[CompiledModule]:
+        if dump_to is not None:
+            dump_modules(self.code, dump_to)
+        device, deterministic = self.device, self._deterministic
+        self.program = CudaProgram(self.code, device)
+        loaded = self.program.loaded
+        scratch = BuildScratch(device)
+        self.static_matrix = CudaBlockMatrix(device, loaded, deterministic=deterministic, scratch=scratch)
+        self.dynamic_matrix = CudaBlockMatrix(
+            device, loaded, with_diagonal=False, deterministic=deterministic, scratch=scratch
+        )
+        self._gradient = CudaGradient(device, loaded, deterministic=deterministic, scratch=scratch)
+        self._right = DeviceArray(device, np.float64, "the right side of a linear system")
+        self._outcomes = DeviceArray(device, np.uint64, "outcomes of derivatives")
+        self._values = DeviceArray(device, np.float64, "values of an attribute")
+        self._sum = DeviceSum(device, loaded)
+        self._solver = CudaSolver(device, loaded, deterministic=deterministic, scratch=scratch)
+        return self.program.log
+
+    # -- the scene's arrays --------------------------------------------------------------------------------
+
+    def _point(self) -> None:
+        self._check_indices_on_device()
+        self.program.bind(self._address_of)
+
+    def _check_indices_on_device(self) -> None:
+        """Raises ConnectivityError for indices that somebody else wrote to the device and that are out of range."""
+        foreign = [
+            (connectivity, connectivity.stored_indices)
+            for connectivity in self.emitter.connected.values()
+            if isinstance(connectivity.stored_indices, DeviceIndices)
+        ]
+        self._outcomes.upload(np.full(len(foreign), NONE_BAD, np.uint64))
+        kernel = self.program.loaded.kernel("yasps_check_indices")
+        for k, (connectivity, indices) in enumerate(foreign):
+            assert isinstance(indices, DeviceIndices)
+            most = connectivity.target.num_instances
+            self.device.launch(
+                kernel, indices.size, [indices.address, indices.size, most, self._outcomes.address + 8 * k]
+            )
+        if not foreign:
+            return
+        for (connectivity, _), place in zip(foreign, self._outcomes.download(), strict=True):
+            if place != NONE_BAD:
+                row, slot = divmod(int(place), connectivity.arity)
+                raise ConnectivityError(
+                    f"{connectivity.path}: index {connectivity.indices[row, slot]} of instance {row} (slot {slot}) is "
+                    f"out of range; {connectivity.target.label} has {connectivity.target.num_instances} instances"
+                )
+
+    def _address_of(self, binding: Binding) -> int:
+        source, _ = self._source_of(binding)
+        if isinstance(source, DeviceIndices):
+            self._mirrors.pop(binding, None)
+            return source.address
+        if binding not in self._mirrors:
+            array = DeviceArray(self.device, source.dtype, f"{binding.kind} {binding.name}")
+            self._mirrors[binding] = _Mirror(array)
+        self._refresh(binding)
+        return self._mirrors[binding].array.address
+
+    def _refresh(self, binding: Binding) -> None:
+        source, version = self._source_of(binding)
+        assert isinstance(source, np.ndarray)
+        self._mirrors[binding].refresh(source, version)
+
+    def _source_of(self, binding: Binding) -> tuple[NDArray[Any] | DeviceIndices, int]:
+        """The array that a kernel reads, and how often it was changed in place."""
+        if binding.name in self.numbers:
+            return self.numbers[binding.name], 0
+        if binding.kind == "storage":
+            node = self.emitter.stored[binding.name].node
+            assert isinstance(node, Stored)
+            return node.array, node.version
+        if binding.kind == "indices":
+            return self.emitter.connected[binding.name].stored_indices, 0
+        if binding.kind == "offsets":
+            return self._offsets[binding.name], 0
+        return self._starts[binding.name], 0
+
+    def _upload(self) -> None:
+        """Copies what changed since the last time. Arrays that moved have been bound anew."""
+        self.bind()
+        for binding in self._mirrors:
+            self._refresh(binding)
+
+    # -- work ----------------------------------------------------------------------------------------------
+
+    def _run(self, symbol: str, count: int, shape: tuple[int, int]) -> FloatArray:
+        self._upload()
+        self.program.launch_batch(symbol, count, self._values.resize(count, *shape))
+        return self._values.download()
+
+    @one_thread_at_a_time
+    def total_energy(self) -> float:
+        self._upload()
+        self._sum.begin(len(self._terms))
+        for term in self._terms:
+            self.program.launch_batch(term.symbol, term.count, self._values.resize(term.count))
+            self._sum.add(self._values)
+        return float(self._sum.results().sum())
+
+    @one_thread_at_a_time
+    def update_structure(self) -> None:
+        self._upload()
+        boundaries, block_sizes = self._layout()
+        if self._static_valid and self._dynamic_valid:
+            return
+        for valid, matrix, dynamic in (
+            (self._static_valid, self.static_matrix, False),
+            (self._dynamic_valid, self.dynamic_matrix, True),
+        ):
+            if valid:
+                continue
+            placements = [self._indices_of(term) for term in self._placed_terms() if term.dynamic is dynamic]
+            positions = matrix.build(boundaries, block_sizes, [placement.kappas for placement in placements])
+            for placement, array in zip(placements, positions, strict=True):
+                placement.positions = array
+        every = [self._placements[term.symbol] for term in self._placed_terms()]
+        size, block_size_at = self.static_matrix.size, self.static_matrix.block_size_at
+        places = self._gradient.build(size, block_size_at, [placement.kappas for placement in every])
+        for placement, place in zip(every, places, strict=True):
+            placement.gradient_at = place
+        self._static_valid = self._dynamic_valid = True
+
+    def _placed_terms(self) -> list[Term]:
+        return [term for term in self._terms if term.kappa is not None]
+
+    def _indices_of(self, term: Term) -> _Placement:
+        """Computes an energy's placement indices."""
+        assert term.kappa is not None
+        if term.symbol not in self._placements:
+            self._placements[term.symbol] = _Placement(self.device, term.symbol)
+        placement = self._placements[term.symbol]
+        self.program.launch_batch(term.kappa, term.count, placement.kappas.resize(term.count, term.capacity))
+        return placement
+
+    @one_thread_at_a_time
+    def assemble(self, *, hessian: bool = True, project: bool = True) -> FloatArray:
+        self.update_structure()
+        terms = self._derived_terms()
+        self._outcomes.upload(np.array([[NONE_BAD, 0]] * len(terms), np.uint64).reshape(-1, 2))
+        self.launch_assembly(hessian=hessian, project=project)
+        for term, first_bad in zip(terms, self._outcomes.download()[:, 0], strict=True):
+            if first_bad != NONE_BAD:
+                raise self._not_finite(term, int(first_bad))
+        gradient = self._gradient.values.download()
+        self._check_gradient(gradient)
+        return gradient
+
+    @one_thread_at_a_time
+    def launch_assembly(self, *, hessian: bool = True, project: bool = True) -> None:
+        """What `assemble` does on the device alone, after it was called once: nothing is copied, nobody waits."""
+        matrices = [self.static_matrix, self.dynamic_matrix]
+        results: list[CudaGradient | CudaBlockMatrix] = [self._gradient, *(matrices if hessian else [])]
+        for result in results:
+            result.clear()
+        for k, term in enumerate(self._derived_terms()):
+            placement, matrix = self._placements[term.symbol], matrices[term.dynamic]
+            assert term.derivative is not None
+            assert placement.positions is not None
+            launch = DerivativeLaunch(
+                term.derivative,
+                term.count,
+                gradient=self._gradient.target.address,
+                blocks=matrix.target.address if hessian else 0,
+                kappa=placement.kappas.address,
+                position=placement.positions.address,
+                gradient_at=placement.gradient_at.address if placement.gradient_at is not None else 0,
+                block_size_at=self.static_matrix.block_size_at.address,
+                mode=int(term.mode if project else Projection.NONE),
+                outcome=self._outcomes.address + 16 * k,
+            )
+            self.program.launch_derivative(launch)
+        for result in results:
+            result.finish()
+
+    def _derived_terms(self) -> list[Term]:
+        return [term for term in self._terms if term.derivative is not None and term.count]
+
+    @one_thread_at_a_time
+    def solve_linear(
+        self,
+        gradient: FloatArray,
+        tolerance: float,
+        max_iterations: int,
+        *,
+        solver: str = "pcg",
+        history: bool = False,
+    ) -> tuple[FloatArray, SolveReport]:
+        if solver == "direct":
+            raise DataError(
+                "solver='direct' runs on the CPU only: take solver='pcg' or 'auto' (which is 'pcg' on a GPU), or make "
+                "the scene with device='cpu'"
+            )
+        parts = [self.static_matrix, self.dynamic_matrix]
+        right = self._right.upload(gradient)
+        x, report = self._solver.solve(parts, right, tolerance, max_iterations, with_history=history)
+        return x.download(), report
+
+    @one_thread_at_a_time
+    def placement_indices(self, term: Term) -> NDArray[np.int32]:
+        return self._placements[term.symbol].kappas.download()
+
+    @one_thread_at_a_time
+    def hessian_groups(self) -> list[BlockGroup]:
+        return [*self.static_matrix.download_groups(), *self.dynamic_matrix.download_groups()]

@@ -1,0 +1,1 @@
+"""What users write: meshes, primitives, connectivities, attributes."""
