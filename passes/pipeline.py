@@ -19,17 +19,17 @@ from yasps.dialects.mat import Mat
 from yasps.dialects.rel import EnergyOp, Rel, name_of
 from yasps.dialects.rel.declarations import Declaration
 from yasps.passes.bodies import containers
-from yasps.passes.differentiate import Differentiate
 from yasps.passes.errors import RULE_BROKEN, CompileError, place_of, reason_of
-from yasps.passes.fold_norms import FoldNorms
-from yasps.passes.infer_indices import InferIndices
-from yasps.passes.inline_references import InlineReferences
 from yasps.passes.ir_text import text_of
-from yasps.passes.lift_constants import LiftConstants
-from yasps.passes.lower_to_scalar import LowerToScalar
-from yasps.passes.outline_modules import OutlineModules
-from yasps.passes.project_psd import ProjectPsd
-from yasps.passes.prove_isotropy import ProveIsotropy
+from yasps.passes.transforms.differentiate import Differentiate
+from yasps.passes.transforms.fold_norms import FoldNorms
+from yasps.passes.transforms.infer_indices import InferIndices
+from yasps.passes.transforms.inline_references import InlineReferences
+from yasps.passes.transforms.lift_constants import LiftConstants
+from yasps.passes.transforms.lower_to_scalar import LowerToScalar
+from yasps.passes.transforms.outline_modules import OutlineModules
+from yasps.passes.transforms.project_psd import ProjectPsd
+from yasps.passes.transforms.prove_isotropy import ProveIsotropy
 
 PIPELINE: tuple[ModulePass, ...] = (
     CanonicalizePass(),

@@ -23,7 +23,7 @@ from yasps.dialects.mat.base import (
     square,
     vectors,
 )
-from yasps.dialects.scalar_graph import Node, ScalarGraph
+from yasps.dialects.scalar.graph import Node, ScalarGraph
 
 if TYPE_CHECKING:
     from yasps.dialects.mat.builder import MatBuilder
@@ -247,8 +247,8 @@ class SumOp(MatOp):
 class NormOp(MatOp):
     """Euclidean (Frobenius) norm, sqrt(sum of squares); it has no derivative at 0.
 
-    A smooth function of it may have one, such as its square: `passes/derivatives.py` looks at what becomes of the norm
-    and takes the limit there (`mat.over_norm`). The rules here are those of the norm itself, NaN at 0.
+    A smooth function of it may have one, such as its square: `passes/calculus/derivatives.py` looks at what becomes of
+    the norm and takes the limit there (`mat.over_norm`). The rules here are those of the norm itself, NaN at 0.
     """
 
     name = "mat.norm"

@@ -21,7 +21,7 @@ from xdsl.irdl import IRDLOperation, ParsePropInAttrDict, result_def, traits_def
 from xdsl.traits import Pure
 from xdsl.utils.exceptions import VerifyException
 
-from yasps.dialects.scalar_graph import Node, ScalarGraph
+from yasps.dialects.scalar.graph import Node, ScalarGraph
 
 if TYPE_CHECKING:
     from yasps.dialects.mat.builder import MatBuilder

@@ -24,7 +24,7 @@ from yasps.dialects.mat.base import (
     spell,
     square,
 )
-from yasps.dialects.scalar_graph import Node, ScalarGraph
+from yasps.dialects.scalar.graph import Node, ScalarGraph
 
 if TYPE_CHECKING:
     from yasps.dialects.mat.builder import MatBuilder
@@ -85,7 +85,8 @@ class OverNormOp(MatOp):
         if dnorm is None:
             return dslope and b.over_norm(dslope, norm)
         # (f'(n) / n)' x tends to 0 with x, whatever the quotient does; but where n itself has no tangent (NaN, see
-        # passes/norms.py) there is none. A constant one is not that of a direction: n is a variable of its own.
+        # passes/analysis/norms.py) there is none. A constant one is not that of a direction: n is a variable of its
+        # own.
         change = cast(SSAValue, b.difference(dslope, b.scale(dnorm, self.result)))
         at_zero = b.zeros(shape_of(change))
         if constant_value(dnorm) is None:

@@ -22,7 +22,7 @@ from xdsl.irdl import irdl_op_definition, prop_def
 
 from yasps.dialects.mat.base import Batch, MatOp, Shape, ShapeError, constant_value, same_shapes, shape_of, spell
 from yasps.dialects.mat.elementwise import EntrywiseFunction
-from yasps.dialects.scalar_graph import Node, ScalarGraph
+from yasps.dialects.scalar.graph import Node, ScalarGraph
 
 if TYPE_CHECKING:
     from yasps.dialects.mat.builder import MatBuilder

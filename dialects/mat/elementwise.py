@@ -12,7 +12,7 @@ from xdsl.ir import Attribute, SSAValue
 from xdsl.irdl import irdl_op_definition, prop_def
 
 from yasps.dialects.mat.base import Batch, MatOp, Shape, ShapeError, is_one, is_zero, same_shapes, spell
-from yasps.dialects.scalar_graph import Node, ScalarGraph
+from yasps.dialects.scalar.graph import Node, ScalarGraph
 
 if TYPE_CHECKING:
     from yasps.dialects.mat.builder import MatBuilder

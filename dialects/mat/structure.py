@@ -21,7 +21,7 @@ from yasps.dialects.mat.base import (
     shape_of,
     spell,
 )
-from yasps.dialects.scalar_graph import Node, ScalarGraph
+from yasps.dialects.scalar.graph import Node, ScalarGraph
 
 if TYPE_CHECKING:
     from yasps.dialects.mat.builder import MatBuilder

@@ -226,7 +226,8 @@ class YieldDerivativeOp(IRDLOperation):
 
     A missing Hessian is zero: the energy is affine. After `lower-to-scalar` the Hessian is the packed upper triangle.
     The energy is there to be checked together with its derivatives, which may be finite where it is not. So of an
-    affine one it is the part without the inputs, and `lower-to-scalar` makes it cheaper (passes/finite_check.py).
+    affine one it is the part without the inputs, and `lower-to-scalar` makes it cheaper: see
+    passes/calculus/finite_check.py.
     """
 
     name = "rel.yield_derivative"

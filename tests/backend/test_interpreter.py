@@ -14,8 +14,8 @@ from yasps import Scene
 from yasps.backend import cpp_function
 from yasps.backend.cpp_function import CALLS, CHOICES, INFIX, function_text
 from yasps.backend.interpreter import COMPARISONS, SCALAR_OPERATIONS, Interpreter, run_function
-from yasps.passes import lower_to_scalar
-from yasps.passes.lower_to_scalar import BINARY, UNARY
+from yasps.passes.transforms import lower_to_scalar
+from yasps.passes.transforms.lower_to_scalar import BINARY, UNARY
 
 
 def test_joins_unions_and_ancestors_by_hand() -> None:

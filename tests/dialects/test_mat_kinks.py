@@ -14,8 +14,8 @@ from yasps.dialects.mat import Batch, MatBuilder, MatOp, matrix_type
 from yasps.dialects.mat.comparison import AbsOp, CompareOp, MaxOp, MinOp, SelectOp
 from yasps.dialects.mat.elementwise import ExpOp, LogOp, SqrtOp
 from yasps.dialects.mat.trigonometry import AcosOp, AsinOp
-from yasps.passes.dependence import Dependence, DependenceMap
-from yasps.passes.derivatives import jacobian, pull_back
+from yasps.passes.analysis.dependence import Dependence, DependenceMap
+from yasps.passes.calculus.derivatives import jacobian, pull_back
 
 NAN, INF = float("nan"), float("inf")
 Written = Callable[[MatBuilder, SSAValue], SSAValue]

@@ -19,9 +19,9 @@ from xdsl.utils.exceptions import VerifyException
 
 from yasps.dialects.mat import OPERATIONS, Batch, MatBuilder, NotDifferentiableError, matrix_type, shape_of
 from yasps.dialects.mat.calculus import ProjectPsdOp
-from yasps.dialects.scalar_graph import ScalarGraph
-from yasps.passes.dependence import DependenceMap
-from yasps.passes.derivatives import PushForward, pull_back
+from yasps.dialects.scalar.graph import ScalarGraph
+from yasps.passes.analysis.dependence import DependenceMap
+from yasps.passes.calculus.derivatives import PushForward, pull_back
 from yasps.passes.pipeline import make_context
 
 STEP = 1e-30

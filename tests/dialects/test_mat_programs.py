@@ -29,9 +29,9 @@ from yasps.dialects.mat import (
     structure,
 )
 from yasps.dialects.mat.structure import constant_of
-from yasps.dialects.scalar_graph import ScalarGraph
-from yasps.passes.dependence import DependenceMap, size_of
-from yasps.passes.derivatives import PushForward, pull_back
+from yasps.dialects.scalar.graph import ScalarGraph
+from yasps.passes.analysis.dependence import DependenceMap, size_of
+from yasps.passes.calculus.derivatives import PushForward, pull_back
 
 INPUTS: tuple[Shape, ...] = ((3, 1), (3, 3), (1, 1), (2, 2))
 SETTINGS = settings(

@@ -16,8 +16,8 @@ from yasps.dialects.mat.algebra import NormOp
 from yasps.dialects.mat.comparison import AbsOp
 from yasps.dialects.mat.elementwise import ExpOp, LogOp
 from yasps.dialects.mat.trigonometry import LARGEST_ORDER, Atan2Op, stumpff
-from yasps.passes.dependence import DependenceMap
-from yasps.passes.derivatives import jacobian, pull_back
+from yasps.passes.analysis.dependence import DependenceMap
+from yasps.passes.calculus.derivatives import jacobian, pull_back
 
 Written = Callable[[MatBuilder, SSAValue], SSAValue]
 DIRECTION = np.array([0.6, -0.8, 0.3])

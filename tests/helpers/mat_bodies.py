@@ -12,7 +12,7 @@ from xdsl.ir import Block, SSAValue
 from yasps.dialects.mat import Batch, MatOp, Shape, matrix_type
 from yasps.dialects.mat.comparison import is_less, is_less_equal, maximum, minimum
 from yasps.dialects.mat.structure import ConstantOp, IdentityOp
-from yasps.dialects.scalar_graph import Node, ScalarGraph
+from yasps.dialects.scalar.graph import Node, ScalarGraph
 
 
 def block_of(shapes: Sequence[Shape]) -> Block:

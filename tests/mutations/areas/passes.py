@@ -6,114 +6,117 @@ from mutation import Mutation
 
 EXPRESSIONS = ("tests/properties/test_expressions.py",)
 PASSES = ("tests/properties/test_scenes.py::test_passes",)
-WIDTHS = ("tests/passes/test_project_psd.py", "tests/passes/test_projection_widths.py")
-ISOTROPY = ("tests/passes/test_isotropy.py::test_not_proven", "tests/passes/test_isotropy.py::test_proven")
-DERIVATIVES = ("tests/passes/test_differentiate.py",)
+WIDTHS = ("tests/passes/transforms/test_project_psd.py", "tests/passes/transforms/test_projection_widths.py")
+ISOTROPY = (
+    "tests/passes/analysis/test_isotropy.py::test_not_proven",
+    "tests/passes/analysis/test_isotropy.py::test_proven",
+)
+DERIVATIVES = ("tests/passes/transforms/test_differentiate.py",)
 
 MUTATIONS = (
     Mutation(
         "a choice between numbers: the guards of its sides exchanged",
-        "passes/derivatives.py",
+        "passes/calculus/derivatives.py",
         "guard_first, guard_second = guards.split(",
         "guard_second, guard_first = guards.split(",
         EXPRESSIONS,
     ),
     Mutation(
         "reverse mode: cotangents of several uses not added",
-        "passes/derivatives.py",
+        "passes/calculus/derivatives.py",
         "parts.setdefault(op.operands[k], []).append(part)",
         "parts[op.operands[k]] = [part]",
         EXPRESSIONS,
     ),
     Mutation(
         "infer-indices: a union's capacity is its smallest member's",
-        "passes/infer_indices.py",
+        "passes/transforms/infer_indices.py",
         "capacity = max(",
         "capacity = min(",
         PASSES,
     ),
     Mutation(
         "project-psd: abs and clamp exchanged in the scalar code",
-        "passes/lower_to_scalar.py",
+        "passes/transforms/lower_to_scalar.py",
         "projection.mode.data",
         '("abs" if projection.mode.data == "clamp" else "clamp")',
         PASSES,
     ),
     Mutation(
         "linear cut: a value that an operation on its results bends counts as not bent",
-        "passes/linear_cut.py",
+        "passes/calculus/linear_cut.py",
         "if op.result in bent or not op.is_linear(",
         "if not op.is_linear(",
         WIDTHS,
     ),
     Mutation(
         "linear cut: the flow may not be as wide as the inputs",
-        "passes/linear_cut.py",
+        "passes/calculus/linear_cut.py",
         "edges += [(operand, op.result) for operand in affine]",
         "edges += [(operand, op.result) for operand in affine[:1]]",
         WIDTHS,
     ),
     Mutation(
         "project-psd: a larger matrix inside is projected",
-        "passes/project_psd.py",
+        "passes/transforms/project_psd.py",
         "shape_of(middle)[0] > shape_of(value)[0]",
         "shape_of(middle)[0] < shape_of(value)[0]",
         WIDTHS,
     ),
     Mutation(
         "project-psd: the gradient's shared values are projected and the Hessian is not",
-        "passes/project_psd.py",
+        "passes/transforms/project_psd.py",
         "hessian(terminator.hessian), list(terminator.wrt))",
         "terminator.hessian, list(terminator.wrt))",
         WIDTHS,
     ),
     Mutation(
         "isotropy: of a choice only the first side is looked at",
-        "passes/isotropy.py",
+        "passes/analysis/isotropy.py",
         "return _both(operands[1], operands[2])",
         "return operands[1]",
         ISOTROPY,
     ),
     Mutation(
         "isotropy: what rotations change in a known way counts as unchanged",
-        "passes/isotropy.py",
+        "passes/analysis/isotropy.py",
         "return known.get(energy) == FIXED",
         "return known.get(energy) is not None",
         ISOTROPY,
     ),
     Mutation(
         "isotropy: any matrix that scales axes counts as a multiple of the identity",
-        "passes/isotropy.py",
+        "passes/analysis/isotropy.py",
         "bool(np.all(entries == entries[0, 0] * np.eye(rows)))",
         "bool(np.all(entries == np.diag(np.diag(entries))))",
         ISOTROPY,
     ),
     Mutation(
         "differentiate: of a UNION only the first member gets a Jacobian",
-        "passes/differentiate.py",
+        "passes/transforms/differentiate.py",
         "            for member in read.members:",
         "            for member in list(read.members)[:1]:",
         DERIVATIVES,
     ),
     Mutation(
         "differentiate: a nonlinear layer behind another is not known to be curved",
-        "passes/differentiate.py",
+        "passes/transforms/differentiate.py",
         "return any(self.is_curved_read(value.owner) for value in terminator.wrt)",
         "return False",
         PASSES,
     ),
     Mutation(
         "differentiate: the curvature is that of the rows, not of the whole attribute",
-        "passes/differentiate.py",
+        "passes/transforms/differentiate.py",
         "{value: cotangent}, inputs)\n        hessian = jacobian(",
         "{value: b.neg(cotangent)}, inputs)\n        hessian = jacobian(",
         DERIVATIVES,
     ),
     Mutation(
         "inline-references: members of a UNION are dropped as if nobody needed them",
-        "passes/inline_references.py",
+        "passes/transforms/inline_references.py",
         "stack.extend(name_of(member) for member in op.members)",
         "pass",
-        ("tests/passes/test_inline_references.py", "tests/passes/test_pipeline.py"),
+        ("tests/passes/transforms/test_inline_references.py", "tests/passes/test_pipeline.py"),
     ),
 )

@@ -7,8 +7,8 @@ from small_scenes import emit
 
 from yasps import Scene
 from yasps.dialects.rel import AttributeOp, RefOp
-from yasps.passes.inline_references import InlineReferences
 from yasps.passes.pipeline import make_context
+from yasps.passes.transforms.inline_references import InlineReferences
 
 
 def _scene() -> Scene:

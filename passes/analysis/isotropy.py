@@ -20,7 +20,7 @@ from yasps.dialects.mat import MatOp, algebra, elementwise, shape_of
 from yasps.dialects.mat.base import constant_value
 from yasps.dialects.mat.comparison import SelectOp
 from yasps.dialects.mat.structure import ReshapeOp
-from yasps.passes.dependence import size_of
+from yasps.passes.analysis.dependence import size_of
 
 ISOTROPIC_SHAPES = ((3, 3), (3, 2))
 """Of an F for which there is a projection by singular values."""

@@ -14,8 +14,8 @@ from xdsl.ir import Operation
 
 from yasps import Scene
 from yasps.dialects.rel import DerivativeOp, ProjectOp, YieldDerivativeOp, packed_size
-from yasps.passes.lower_to_scalar import BINARY, UNARY
 from yasps.passes.pipeline import run_pipeline
+from yasps.passes.transforms.lower_to_scalar import BINARY, UNARY
 
 
 def functions(module: ModuleOp) -> dict[str, func.FuncOp]:

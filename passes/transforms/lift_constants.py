@@ -34,11 +34,11 @@ from yasps.dialects.mat.base import constant_value
 from yasps.dialects.mat.elementwise import AddOp, DivideOp, NegOp, ScaleOp, SubOp
 from yasps.dialects.mat.structure import ConstantOp, ReshapeOp
 from yasps.dialects.rel import AttributeOp, DataOp, EnergyOp, ReadOp, SceneOp, StorageOp, YieldOp, name_of
+from yasps.passes.analysis.dependence import Dependence, DependenceMap, size_of
+from yasps.passes.analysis.reach import Reach
 from yasps.passes.bodies import BodyBuilder, containers
-from yasps.passes.dependence import Dependence, DependenceMap, size_of
+from yasps.passes.calculus.linear_cut import coefficients
 from yasps.passes.errors import working_on
-from yasps.passes.linear_cut import coefficients
-from yasps.passes.reach import Reach
 
 STRUCTURAL = (0.0, 0.5, 1.0, 2.0)
 """Numbers that stay in the code, with either sign."""

@@ -17,8 +17,8 @@ from xdsl.passes import ModulePass
 from yasps.dialects.mat import MatBuilder, shape_of
 from yasps.dialects.mat.calculus import CongruenceOp
 from yasps.dialects.rel import DerivativeOp, YieldDerivativeOp
+from yasps.passes.analysis.dependence import DependenceMap
 from yasps.passes.bodies import containers
-from yasps.passes.dependence import DependenceMap
 
 
 @dataclass(frozen=True)

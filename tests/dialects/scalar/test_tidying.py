@@ -10,8 +10,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from mat_bodies import run_graph
 
-from yasps.dialects.scalar_graph import Node, ScalarGraph
-from yasps.dialects.scalar_tidying import tidied
+from yasps.dialects.scalar.graph import Node, ScalarGraph
+from yasps.dialects.scalar.tidying import tidied
 
 SETTINGS = settings(max_examples=200, deadline=None, derandomize=True, database=None)
 INPUTS = [Fraction(3, 2), Fraction(-7, 3), Fraction(5), Fraction(1, 9)]

@@ -37,12 +37,12 @@ from yasps.dialects.rel import (
     name_of,
     symbol,
 )
+from yasps.passes.analysis.dependence import Dependence, DependenceMap, size_of
+from yasps.passes.analysis.reach import Reach
 from yasps.passes.bodies import BodyBuilder, containers, inline_body, is_union, source_of
-from yasps.passes.dependence import Dependence, DependenceMap, size_of
-from yasps.passes.derivatives import directional, jacobian, pull_back, stacked
+from yasps.passes.calculus.derivatives import directional, jacobian, pull_back, stacked
+from yasps.passes.calculus.linear_cut import constant_map, linear_cut
 from yasps.passes.errors import working_on
-from yasps.passes.linear_cut import constant_map, linear_cut
-from yasps.passes.reach import Reach
 
 
 @dataclass(frozen=True)

@@ -12,8 +12,8 @@ from xdsl.ir import SSAValue
 from yasps.dialects.mat import MatBuilder
 from yasps.dialects.mat.comparison import SelectOp
 from yasps.dialects.mat.elementwise import LogOp, SqrtOp
-from yasps.passes.derivatives import jacobian
-from yasps.passes.scalar_chains import ScalarChains
+from yasps.passes.calculus.derivatives import jacobian
+from yasps.passes.calculus.scalar_chains import ScalarChains
 
 
 def chains_of(inputs: list[SSAValue]) -> ScalarChains:

@@ -15,8 +15,8 @@ from xdsl.ir import Block, SSAValue
 from yasps.dialects.mat import MatBuilder, MatOp, shape_of
 from yasps.dialects.mat.base import Batch, constant_value
 from yasps.dialects.mat.elementwise import DivideOp, ScaleOp
-from yasps.passes.dependence import Dependence, DependenceMap, size_of
-from yasps.passes.derivatives import jacobian
+from yasps.passes.analysis.dependence import Dependence, DependenceMap, size_of
+from yasps.passes.calculus.derivatives import jacobian
 
 
 def used_nonlinearly(dependence: DependenceMap) -> list[SSAValue]:

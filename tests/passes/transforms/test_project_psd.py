@@ -14,10 +14,10 @@ from small_scenes import dense_assembly, emit, soft_tets, stable_neo_hookean
 from yasps import Attribute, Scene, concat_rows
 from yasps.backend.interpreter import Interpreter
 from yasps.dialects.rel import DerivativeOp
-from yasps.passes.differentiate import Differentiate
-from yasps.passes.inline_references import InlineReferences
 from yasps.passes.pipeline import make_context
-from yasps.passes.project_psd import ProjectPsd
+from yasps.passes.transforms.differentiate import Differentiate
+from yasps.passes.transforms.inline_references import InlineReferences
+from yasps.passes.transforms.project_psd import ProjectPsd
 
 
 def slots(arity: int, energy: Callable[[Attribute], Attribute], projection: str = "clamp") -> Scene:

@@ -11,7 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from mat_bodies import run_graph
 
-from yasps.dialects.scalar_graph import BINARY_FUNCTIONS, COMPARISONS, UNARY_FUNCTIONS, Node, ScalarGraph
+from yasps.dialects.scalar.graph import BINARY_FUNCTIONS, COMPARISONS, UNARY_FUNCTIONS, Node, ScalarGraph
 
 SETTINGS = settings(max_examples=200, deadline=None, derandomize=True, database=None)
 INPUTS = [Fraction(3, 2), Fraction(-7, 3), Fraction(5), Fraction(1, 9)]

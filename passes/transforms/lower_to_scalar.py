@@ -38,12 +38,12 @@ from yasps.dialects.rel import (
     name_of,
     packed_size,
 )
-from yasps.dialects.scalar_graph import Node, ScalarGraph
-from yasps.dialects.scalar_tidying import tidied
+from yasps.dialects.scalar.graph import Node, ScalarGraph
+from yasps.dialects.scalar.tidying import tidied
+from yasps.passes.analysis.dependence import size_of
 from yasps.passes.bodies import BodyBuilder, containers
-from yasps.passes.dependence import size_of
+from yasps.passes.calculus.finite_check import finite_check
 from yasps.passes.errors import working_on
-from yasps.passes.finite_check import finite_check
 
 BINARY: dict[str, Callable[[SSAValue, SSAValue], Operation]] = {
     "add": arith.AddfOp,

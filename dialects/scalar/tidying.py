@@ -17,7 +17,7 @@ import math
 from collections import Counter
 from collections.abc import Sequence
 
-from yasps.dialects.scalar_graph import Node, ScalarGraph
+from yasps.dialects.scalar.graph import Node, ScalarGraph
 
 Term = tuple[int, Node]
 """A sign and a node."""

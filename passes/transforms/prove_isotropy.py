@@ -18,11 +18,11 @@ from xdsl.passes import ModulePass
 from yasps.dialects.mat import MatOp, Matrix, shape_of
 from yasps.dialects.mat.calculus import ISOTROPIC_WIDTHS, ProjectPsdOp
 from yasps.dialects.rel import AttributeOp, Container, DerivativeOp, ReadOp, YieldDerivativeOp, name_of
+from yasps.passes.analysis.dependence import DependenceMap, size_of
+from yasps.passes.analysis.isotropy import depends_on_invariants, is_deformation
 from yasps.passes.bodies import BodyBuilder, containers, inline_body
-from yasps.passes.dependence import DependenceMap, size_of
+from yasps.passes.calculus.linear_cut import linear_cut
 from yasps.passes.errors import working_on
-from yasps.passes.isotropy import depends_on_invariants, is_deformation
-from yasps.passes.linear_cut import linear_cut
 
 
 @dataclass(frozen=True)

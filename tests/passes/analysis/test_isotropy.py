@@ -17,11 +17,11 @@ from yasps.backend.interpreter import Interpreter
 from yasps.dialects.mat import ShapeError, matrix_type
 from yasps.dialects.mat.calculus import ProjectPsdOp
 from yasps.dialects.rel import AttributeOp, DerivativeOp, EnergyOp, ProjectOp, name_of, packed_size
-from yasps.passes.differentiate import Differentiate
-from yasps.passes.inline_references import InlineReferences
 from yasps.passes.pipeline import make_context, run_pipeline
-from yasps.passes.project_psd import ProjectPsd
-from yasps.passes.prove_isotropy import ProveIsotropy
+from yasps.passes.transforms.differentiate import Differentiate
+from yasps.passes.transforms.inline_references import InlineReferences
+from yasps.passes.transforms.project_psd import ProjectPsd
+from yasps.passes.transforms.prove_isotropy import ProveIsotropy
 
 Array = NDArray[np.float64]
 Energy = Callable[[Attribute], Attribute]

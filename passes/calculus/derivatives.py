@@ -9,9 +9,9 @@ from xdsl.ir import SSAValue
 
 from yasps.dialects.mat import MatBuilder, MatOp, shape_of
 from yasps.dialects.mat.algebra import NormOp
-from yasps.passes.dependence import DependenceMap, size_of
-from yasps.passes.norms import divisors, inverse_for_tangents, smooth_norms
-from yasps.passes.scalar_chains import ScalarChains, Slopes
+from yasps.passes.analysis.dependence import DependenceMap, size_of
+from yasps.passes.analysis.norms import divisors, inverse_for_tangents, smooth_norms
+from yasps.passes.calculus.scalar_chains import ScalarChains, Slopes
 
 
 def pull_back(

@@ -13,9 +13,9 @@ from xdsl.dialects.builtin import ModuleOp
 from yasps import Attribute, Scene, concat_cols, concat_rows
 from yasps.backend.interpreter import Interpreter
 from yasps.dialects.rel import CurvatureOp, DerivativeOp, JacobianOp, YieldCurvatureOp, YieldDerivativeOp
-from yasps.passes.differentiate import Differentiate
-from yasps.passes.inline_references import InlineReferences
 from yasps.passes.pipeline import make_context
+from yasps.passes.transforms.differentiate import Differentiate
+from yasps.passes.transforms.inline_references import InlineReferences
 
 
 def points(count: int = 3, seed: int = 0) -> tuple[Scene, Attribute]:

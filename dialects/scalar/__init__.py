@@ -1,0 +1,1 @@
+"""Straight-line scalar code as a hash-consed graph."""
