@@ -11,9 +11,9 @@ import numpy as np
 
 from benchmarks.measure import Report, Row, Settings
 from yasps import Scene, concat_rows
-from yasps.backend.cpp_curvature import DENSE_PRELUDE
-from yasps.backend.cpp_object import PRELUDE, CppEmitter
-from yasps.backend.scene_view import SceneView
+from yasps.backend.codegen.scene_view import SceneView
+from yasps.backend.cpp.curvature import DENSE_PRELUDE
+from yasps.backend.cpp.object import PRELUDE, CppEmitter
 from yasps.contact.barrier import barrier, squared_point_plane
 from yasps.frontend.execution.emit import SceneEmitter
 from yasps.frontend.language.attribute import Attribute

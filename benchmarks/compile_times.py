@@ -18,9 +18,9 @@ from benchmarks.contact_problem import add_barrier, close_pairs
 from benchmarks.element_problem import add_elements, box_of_tets, cloth_hinges, cloth_triangles
 from benchmarks.kernel_problem import on_cpu
 from benchmarks.measure import Peer, Report, Row, Settings, measure
-from yasps.backend.cpp_object import CppEmitter
-from yasps.backend.program import LINK_FLAGS
-from yasps.backend.scene_view import SceneView
+from yasps.backend.codegen.program import LINK_FLAGS
+from yasps.backend.codegen.scene_view import SceneView
+from yasps.backend.cpp.object import CppEmitter
 from yasps.examples.two_bunnies import two_bunnies
 from yasps.frontend.commands.environment_report import cpu_model
 from yasps.frontend.execution.cpu_scene import CpuScene

@@ -14,7 +14,7 @@ from xdsl.dialects.builtin import ModuleOp
 
 from benchmarks.energies import ENERGIES, Energy, Numbers
 from benchmarks.measure import Report, Row, Settings
-from yasps.backend.interpreter import Interpreter, SceneData
+from yasps.backend.reference.interpreter import Interpreter, SceneData
 from yasps.frontend.execution.emit import SceneEmitter
 from yasps.frontend.language.attribute import Stored
 from yasps.frontend.scene import Scene

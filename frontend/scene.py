@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, cast, overload
 
 import numpy as np
 
-from yasps.backend.scene_data import save_scene_data
+from yasps.backend.reference.scene_data import save_scene_data
 from yasps.dialects.mat import spell
 from yasps.dialects.rel import PROJECTIONS
 from yasps.frontend.errors import NotConvergedError, SceneError, ShapeMismatchError

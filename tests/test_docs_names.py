@@ -25,7 +25,7 @@ import yasps.runtime.cuda_device
 from yasps import {public}
 import yasps.backend, yasps.dialects, yasps.examples, yasps.frontend, yasps.passes
 from yasps.frontend.scene import Solution
-from yasps.backend.interpreter import Interpreter
+from yasps.backend.reference.interpreter import Interpreter
 from yasps.contact.collision_geometry import CollisionGeometry
 from yasps.frontend.execution.compiled_scene import CompiledScene
 from yasps.contact.barrier import BarrierContact

@@ -15,8 +15,14 @@ from scipy.sparse.linalg import norm as sparse_norm
 from xdsl.dialects.builtin import ModuleOp
 from xdsl.utils.exceptions import ParseError
 
-from yasps.backend.interpreter import Interpreter
-from yasps.backend.scene_data import SceneData, SceneDataError, check_scene_data, load_scene_data, random_scene_data
+from yasps.backend.reference.interpreter import Interpreter
+from yasps.backend.reference.scene_data import (
+    SceneData,
+    SceneDataError,
+    check_scene_data,
+    load_scene_data,
+    random_scene_data,
+)
 from yasps.dialects.rel import name_of
 from yasps.passes.errors import CompileError
 from yasps.passes.yasps_opt import DESCRIPTION, YaspsOptMain, damage_as_compile_error

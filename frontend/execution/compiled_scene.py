@@ -12,10 +12,10 @@ import numpy as np
 from numpy.typing import NDArray
 from xdsl.dialects.builtin import ModuleOp
 
-from yasps.backend.object_text import ObjectEmitter
-from yasps.backend.program import CompiledModule
-from yasps.backend.scene_data import SceneData
-from yasps.backend.scene_view import SceneView
+from yasps.backend.codegen.object_text import ObjectEmitter
+from yasps.backend.codegen.program import CompiledModule
+from yasps.backend.codegen.scene_view import SceneView
+from yasps.backend.reference.scene_data import SceneData
 from yasps.frontend.errors import ConnectivityError, NotFiniteError, SceneError
 from yasps.frontend.execution.emit import EnergyTerm
 from yasps.frontend.execution.hessian import Hessian

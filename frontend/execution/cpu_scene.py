@@ -9,10 +9,10 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from yasps.backend.cpp_object import CppEmitter
-from yasps.backend.object_text import Binding
-from yasps.backend.program import CompiledModule, Program
-from yasps.backend.scene_view import SceneView
+from yasps.backend.codegen.object_text import Binding
+from yasps.backend.codegen.program import CompiledModule, Program
+from yasps.backend.codegen.scene_view import SceneView
+from yasps.backend.cpp.object import CppEmitter
 from yasps.frontend.execution.compiled_scene import CompiledScene, Term
 from yasps.frontend.execution.instance_order import OrderedReads, own_reads, rows_of
 from yasps.frontend.execution.scene_source import CompileRequest

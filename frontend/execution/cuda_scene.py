@@ -15,11 +15,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from yasps.backend.cuda_object import CudaEmitter
-from yasps.backend.cuda_program import NONE_BAD, CudaProgram, DerivativeLaunch, dump_modules
-from yasps.backend.object_text import Binding
-from yasps.backend.program import CompiledModule
-from yasps.backend.scene_view import SceneView
+from yasps.backend.codegen.object_text import Binding
+from yasps.backend.codegen.program import CompiledModule
+from yasps.backend.codegen.scene_view import SceneView
+from yasps.backend.cuda.object import CudaEmitter
+from yasps.backend.cuda.program import NONE_BAD, CudaProgram, DerivativeLaunch, dump_modules
 from yasps.frontend.errors import ConnectivityError, DataError
 from yasps.frontend.execution.compiled_scene import CompiledScene, Term
 from yasps.frontend.execution.device_report import CUDA_KEY

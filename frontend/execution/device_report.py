@@ -5,8 +5,8 @@ from __future__ import annotations
 import time
 from dataclasses import dataclass
 
-from yasps.backend.cuda_object import CudaEmitter
-from yasps.backend.cuda_program import modules_of
+from yasps.backend.cuda.object import CudaEmitter
+from yasps.backend.cuda.program import modules_of
 from yasps.frontend.execution.scene_source import CompileRequest, SceneSource
 from yasps.runtime.cuda_device import cub_source
 from yasps.runtime.cuda_report import ModuleRow, largest_stack

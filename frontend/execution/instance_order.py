@@ -12,8 +12,8 @@ from typing import TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from yasps.backend.object_text import Binding
-from yasps.backend.program import Program
+from yasps.backend.codegen.object_text import Binding
+from yasps.backend.codegen.program import Program
 from yasps.frontend.execution.emit import SceneEmitter
 from yasps.frontend.language.attribute import Attribute, Stored
 from yasps.frontend.language.connectivity import Connectivity

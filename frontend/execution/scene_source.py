@@ -11,9 +11,9 @@ import numpy as np
 from xdsl.dialects.builtin import ModuleOp
 from xdsl.passes import ModulePass
 
-from yasps.backend.object_text import ObjectEmitter
-from yasps.backend.scene_code import SceneCode
-from yasps.backend.scene_view import SceneView
+from yasps.backend.codegen.object_text import ObjectEmitter
+from yasps.backend.codegen.scene_code import SceneCode
+from yasps.backend.codegen.scene_view import SceneView
 from yasps.dialects.rel import StorageOp
 from yasps.frontend.errors import SceneError, UnsupportedSceneError
 from yasps.frontend.execution.emit import EnergyTerm, SceneEmitter

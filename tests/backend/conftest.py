@@ -8,7 +8,7 @@ import pytest
 from mat_bodies import relative_error
 
 from yasps import Scene
-from yasps.backend.interpreter import Interpreter
+from yasps.backend.reference.interpreter import Interpreter
 from yasps.frontend.execution.cpu_scene import CpuScene
 
 TOLERANCE = 1e-12

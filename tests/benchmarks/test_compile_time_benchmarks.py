@@ -15,7 +15,7 @@ from benchmarks.__main__ import main
 from benchmarks.codegrowth import affine, cage, free, growth, lever
 from benchmarks.element_problem import box_of_tets, elements_scene
 from benchmarks.energies import ENERGIES
-from yasps.backend.interpreter import Interpreter
+from yasps.backend.reference.interpreter import Interpreter
 
 needs_sympy = pytest.mark.skipif(importlib.util.find_spec("sympy") is None, reason="SymPy is not installed")
 

@@ -9,7 +9,7 @@ import h5py
 import numpy as np
 import pytest
 
-from yasps.backend.interpreter import Interpreter, SceneData
+from yasps.backend.reference.interpreter import Interpreter, SceneData
 from yasps.examples import two_bunnies as example
 from yasps.meshes.mesh_file import write_mesh
 from yasps.meshes.rabbit import rabbit

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from yasps import ConnectivityError, DataError, Primitive, Scene
-from yasps.backend.interpreter import Interpreter
+from yasps.backend.reference.interpreter import Interpreter
 from yasps.frontend.execution.cpu_scene import CpuScene
 from yasps.runtime.ordering import FEWEST_BLOCKS
 

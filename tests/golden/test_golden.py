@@ -17,11 +17,11 @@ import pytest
 from xdsl.parser import Parser
 
 from yasps import Scene, concat_rows
-from yasps.backend.cpp_curvature import DENSE_PRELUDE
-from yasps.backend.cpp_expand import EXPAND_PRELUDE
-from yasps.backend.cpp_object import PRELUDE, CppEmitter
-from yasps.backend.cpp_scatter import SCATTER_PRELUDE
-from yasps.backend.scene_view import SceneView
+from yasps.backend.codegen.scene_view import SceneView
+from yasps.backend.cpp.curvature import DENSE_PRELUDE
+from yasps.backend.cpp.expand import EXPAND_PRELUDE
+from yasps.backend.cpp.object import PRELUDE, CppEmitter
+from yasps.backend.cpp.scatter import SCATTER_PRELUDE
 from yasps.frontend.execution.emit import SceneEmitter
 from yasps.passes.ir_text import text_of
 from yasps.passes.pipeline import PIPELINE, make_context, run_pipeline

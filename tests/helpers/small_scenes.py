@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from xdsl.dialects.builtin import ModuleOp
 
 from yasps import Attribute, Connectivity, Primitive, Scene, concat_rows
-from yasps.backend.interpreter import Interpreter, SceneData
+from yasps.backend.reference.interpreter import Interpreter, SceneData
 from yasps.frontend.execution.emit import SceneEmitter
 from yasps.frontend.language.attribute import Stored
 

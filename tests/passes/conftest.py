@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from small_scenes import SCENES, along_each_unknown, dense_assembly, emit
 from xdsl.dialects.builtin import ModuleOp
 
-from yasps.backend.interpreter import Interpreter, SceneData
+from yasps.backend.reference.interpreter import Interpreter, SceneData
 from yasps.passes.pipeline import run_pipeline
 
 

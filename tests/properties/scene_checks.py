@@ -11,7 +11,7 @@ from small_scenes import STEP, Emitted, emit
 from xdsl.dialects.builtin import ModuleOp
 
 from yasps import Scene
-from yasps.backend.interpreter import Interpreter, SceneData
+from yasps.backend.reference.interpreter import Interpreter, SceneData
 from yasps.dialects.rel import name_of
 from yasps.frontend.execution.cpu_scene import CpuScene
 from yasps.passes.pipeline import run_pipeline

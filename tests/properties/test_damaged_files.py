@@ -18,7 +18,7 @@ from hypothesis import strategies as st
 from profiles import examples
 from small_scenes import emit, shared_targets
 
-from yasps.backend.scene_data import SceneDataError, load_scene_data, save_scene_data
+from yasps.backend.reference.scene_data import SceneDataError, load_scene_data, save_scene_data
 from yasps.frontend.commands.yasps_opt import main
 from yasps.meshes import mesh_file
 from yasps.meshes.mesh_file import read_tetrahedral_mesh

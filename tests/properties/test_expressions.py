@@ -18,7 +18,7 @@ from random_expressions import INSTANCES, Expression, drawn_words, expressions
 from small_scenes import emit
 from xdsl.dialects.builtin import ModuleOp
 
-from yasps.backend.interpreter import Interpreter, SceneData
+from yasps.backend.reference.interpreter import Interpreter, SceneData
 from yasps.dialects.mat import Batch, shape_of
 from yasps.dialects.rel import DataOp, StorageOp, YieldDerivativeOp, name_of
 from yasps.passes.pipeline import run_pipeline

@@ -14,7 +14,7 @@ from profiles import examples
 from small_scenes import emit
 
 from yasps import Attribute, Scene, atan2
-from yasps.backend.interpreter import Interpreter
+from yasps.backend.reference.interpreter import Interpreter
 from yasps.passes.pipeline import run_pipeline
 
 Tree = tuple[Any, ...]

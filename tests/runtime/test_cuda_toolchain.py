@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pytest
 
-from yasps.backend.cuda_object import BLOCKS_AT_ONCE, THREADS
+from yasps.backend.cuda.object import BLOCKS_AT_ONCE, THREADS
 from yasps.runtime.cuda_nvcc import CudaNotFoundError, find_nvcc
 from yasps.runtime.cuda_toolchain import (
     CudaToolchain,

@@ -7,7 +7,7 @@ import pytest
 from numpy.typing import NDArray
 
 from yasps import NotFiniteError, Scene
-from yasps.backend.interpreter import Interpreter
+from yasps.backend.reference.interpreter import Interpreter
 from yasps.frontend.execution.cpu_scene import CpuScene
 
 Floats = NDArray[np.float64]

@@ -17,8 +17,8 @@ from numpy.typing import NDArray
 from small_scenes import dense_assembly, emit, mixed_union, soft_tets
 
 from yasps import NotFiniteError, Scene
-from yasps.backend import cuda_program
-from yasps.backend.interpreter import Interpreter
+from yasps.backend.cuda import program as cuda_program
+from yasps.backend.reference.interpreter import Interpreter
 from yasps.frontend.execution.cuda_scene import CudaScene
 
 Array = NDArray[np.float64]

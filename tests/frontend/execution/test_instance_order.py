@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from yasps import Scene
-from yasps.backend.interpreter import Interpreter
+from yasps.backend.reference.interpreter import Interpreter
 from yasps.frontend.errors import NotFiniteError
 from yasps.frontend.execution.cpu_scene import CpuScene
 from yasps.frontend.language.attribute import Attribute

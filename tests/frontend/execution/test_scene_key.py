@@ -11,8 +11,8 @@ from small_scenes import SCENES
 
 import yasps
 from yasps import Scene
-from yasps.backend.cpp_object import CppEmitter
-from yasps.backend.scene_code import SceneCode
+from yasps.backend.codegen.scene_code import SceneCode
+from yasps.backend.cpp.object import CppEmitter
 from yasps.frontend.execution import scene_source
 from yasps.frontend.execution.emit import SceneEmitter
 from yasps.frontend.execution.scene_key import ENDINGS, SOURCES, digest_of_sources, text_of_key

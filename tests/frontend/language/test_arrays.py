@@ -10,7 +10,7 @@ import pytest
 from refusals import World, assert_refused, make_world
 
 from yasps import Attribute, ConnectivityError, DataError, Scene, SceneError, ShapeMismatchError, YaspsError, constant
-from yasps.backend import scene_data
+from yasps.backend.reference import scene_data
 from yasps.contact.barrier import BarrierContact
 from yasps.contact.collision_geometry import CollisionGeometry
 from yasps.materials import gravity, rest_shape, rest_triangles

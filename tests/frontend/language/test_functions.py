@@ -25,7 +25,7 @@ from yasps import (
     minimum,
     select,
 )
-from yasps.backend.interpreter import Interpreter
+from yasps.backend.reference.interpreter import Interpreter
 from yasps.passes.pipeline import run_pipeline
 from yasps.runtime.library import load_runtime
 from yasps.runtime.toolchain import find_compiler

@@ -10,8 +10,8 @@ import pytest
 from small_scenes import emit
 
 from yasps import Scene, materials
-from yasps.backend.interpreter import Interpreter
-from yasps.backend.scene_data import load_scene_data
+from yasps.backend.reference.interpreter import Interpreter
+from yasps.backend.reference.scene_data import load_scene_data
 from yasps.contact import barrier as contact
 from yasps.frontend.commands.yasps_opt import interpreted
 from yasps.frontend.execution.compiled_scene import CompiledScene

@@ -13,42 +13,42 @@ SOLVER = "tests/runtime/test_cuda_solver.py"
 SOLVES = (f"{SOLVER}::test_solves_as_the_cpu_does",)
 GENERAL = ("tests/runtime/test_cuda_projection.py::test_agrees_with_numpy_and_the_cpu",)
 ISOTROPIC = ("tests/runtime/test_cuda_isotropic.py::test_isotropic",)
-NOT_FINITE = ("tests/backend/test_not_finite.py::test_on_a_device",)
+NOT_FINITE = ("tests/backend/cpp/test_not_finite.py::test_on_a_device",)
 STRUCTURE, PCG, MULTIPLY = "runtime/cuda/structure.cu", "runtime/cuda/pcg.cu", "runtime/cuda/multiply.cu"
 GATHER, SHARED = "runtime/cuda/gathered_multiply.cu", "runtime/cuda/solver.cuh"
 
 MUTATIONS = (
     Mutation(
         "blocks of a slot with itself are expanded from both sides",
-        "backend/cuda_expand.py",
+        "backend/cuda/expand.py",
         'begin = "s" if other is one else "0"',
         'begin = "0"',
         DEVICES,
     ),
     Mutation(
         "what lies behind a nonlinear layer is dropped",
-        "backend/cuda_expand.py",
+        "backend/cuda/expand.py",
         "return [*lines, *transposed, *behind] if behind else lines",
         "return lines",
         LAYERS,
     ),
     Mutation(
         "two slots that are the same unknowns add a block once",
-        "backend/cuda_prelude.cuh",
+        "backend/cuda/preludes/kernel.cuh",
         "both ? b[r * C + c] + b[c % R * C + r % C] : b[r * C + c]",
         "b[r * C + c]",
         DEVICES,
     ),
     Mutation(
         "merged slots add an entry of the diagonal once",
-        "backend/cuda_dense_prelude.cuh",
+        "backend/cuda/preludes/dense.cuh",
         "r != c && to[r] == to[c] ? 2.0 * value : value",
         "value",
         DEVICES,
     ),
     Mutation(
         "means are not divided in the pull-back",
-        "backend/cuda_object.py",
+        "backend/cuda/object.py",
         'if slot.reduction == "mean":\n            lines += ["    if (from)"',
         'if slot.reduction == "sum":\n            lines += ["    if (from)"',
         DEVICES,
@@ -314,28 +314,28 @@ MUTATIONS = (
     ),
     Mutation(
         "kernels: the last entry may be infinite",
-        "backend/cuda_prelude.cuh",
+        "backend/cuda/preludes/kernel.cuh",
         "for (int k = 0; k < N; ++k) zero += x[k] * 0.0;",
         "for (int k = 0; k + 1 < N; ++k) zero += x[k] * 0.0;",
         NOT_FINITE,
     ),
     Mutation(
         "kernels: any instance that is not finite is named, not the first",
-        "backend/cuda_prelude.cuh",
+        "backend/cuda/preludes/kernel.cuh",
         "atomicMin(sink.outcome, (unsigned long long)i);",
         "*sink.outcome = (unsigned long long)i;",
         NOT_FINITE,
     ),
     Mutation(
         "kernels: an expanded block that is both goes one way only",
-        "backend/cuda_prelude.cuh",
+        "backend/cuda/preludes/kernel.cuh",
         "if (where & 3) atomicAdd(to + c * rows + r, row[c]);",
         "if (where & 1) atomicAdd(to + c * rows + r, row[c]);",
         DEVICES,
     ),
     Mutation(
         "kernels: every instance adds to the first one's place in the gradient",
-        "backend/cuda_prelude.cuh",
+        "backend/cuda/preludes/kernel.cuh",
         "sink.gradient_at[i * capacity + p]",
         "sink.gradient_at[p]",
         (
@@ -344,14 +344,14 @@ MUTATIONS = (
     ),
     Mutation(
         "kernels: instances behind the last thread are not visited",
-        "backend/cuda_derivative.py",
+        "backend/cuda/derivative.py",
         "for (long i = thread; i < count; i += ",
         "for (long i = thread; i < count; i += count + ",
         ("tests/frontend/execution/test_cuda_scene.py::test_threads_with_a_workspace_take_several_instances",),
     ),
     Mutation(
         "dense: the width of merged leaves lacks the last",
-        "backend/cuda_dense_prelude.cuh",
+        "backend/cuda/preludes/dense.cuh",
         "    start[leaves] = width;\n",
         "    start[leaves] = leaves ? start[leaves - 1] : 0;\n",
         LAYERS,

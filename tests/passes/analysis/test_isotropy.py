@@ -13,7 +13,7 @@ from xdsl.ir import Block
 from xdsl.utils.exceptions import VerifyException
 
 from yasps import Attribute, Scene, concat_rows, identity, materials, select
-from yasps.backend.interpreter import Interpreter
+from yasps.backend.reference.interpreter import Interpreter
 from yasps.dialects.mat import ShapeError, matrix_type
 from yasps.dialects.mat.calculus import ProjectPsdOp
 from yasps.dialects.rel import AttributeOp, DerivativeOp, EnergyOp, ProjectOp, name_of, packed_size

@@ -11,7 +11,7 @@ from small_scenes import along_each_unknown, dense_assembly, emit
 from xdsl.dialects.builtin import ModuleOp
 
 from yasps import Attribute, Scene, concat_cols, concat_rows
-from yasps.backend.interpreter import Interpreter
+from yasps.backend.reference.interpreter import Interpreter
 from yasps.dialects.rel import CurvatureOp, DerivativeOp, JacobianOp, YieldCurvatureOp, YieldDerivativeOp
 from yasps.passes.pipeline import make_context
 from yasps.passes.transforms.differentiate import Differentiate

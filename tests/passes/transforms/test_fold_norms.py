@@ -11,7 +11,7 @@ from small_scenes import emit
 from xdsl.dialects.builtin import ModuleOp
 
 from yasps import Attribute, Scene, atan2, concat_cols, stumpff
-from yasps.backend.interpreter import Interpreter
+from yasps.backend.reference.interpreter import Interpreter
 from yasps.dialects.mat import MatOp
 from yasps.dialects.rel import AttributeOp
 from yasps.passes.pipeline import run_pipeline

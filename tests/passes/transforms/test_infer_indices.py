@@ -9,8 +9,8 @@ import numpy as np
 from small_scenes import PAIRS, emit, mixed_union, shared_targets
 
 from yasps import Scene
-from yasps.backend.interpreter import Interpreter
-from yasps.backend.scene_view import SceneView
+from yasps.backend.codegen.scene_view import SceneView
+from yasps.backend.reference.interpreter import Interpreter
 from yasps.passes.pipeline import run_pipeline
 
 

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from small_scenes import dense_assembly, emit, soft_tets, stable_neo_hookean
 
 from yasps import Attribute, Scene, concat_rows
-from yasps.backend.interpreter import Interpreter
+from yasps.backend.reference.interpreter import Interpreter
 from yasps.dialects.rel import DerivativeOp
 from yasps.passes.pipeline import make_context
 from yasps.passes.transforms.differentiate import Differentiate

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from yasps import Attribute, Scene
-from yasps.backend.interpreter import Interpreter
-from yasps.backend.scene_view import SceneView
+from yasps.backend.codegen.scene_view import SceneView
+from yasps.backend.reference.interpreter import Interpreter
 from yasps.contact import barrier as contact
 
 Energy = Callable[[Attribute], Attribute]

@@ -8,9 +8,9 @@ from pathlib import Path
 
 import numpy as np
 
-from yasps.backend.object_text import Binding
-from yasps.backend.program import CompiledModule
-from yasps.backend.scene_code import SceneCode
+from yasps.backend.codegen.object_text import Binding
+from yasps.backend.codegen.program import CompiledModule
+from yasps.backend.codegen.scene_code import SceneCode
 from yasps.runtime.build_cache import file_name
 from yasps.runtime.cuda_sources import runtime_sources
 from yasps.runtime.device import Device, DeviceArray, LoadedProgram

@@ -16,8 +16,8 @@ from xdsl.dialects import arith, func, math
 from xdsl.dialects.builtin import FloatAttr, IntegerAttr, ModuleOp
 from xdsl.ir import Block, Operation, SSAValue
 
-from yasps.backend.scene_data import SceneData
-from yasps.backend.scene_view import SceneView
+from yasps.backend.codegen.scene_view import SceneView
+from yasps.backend.reference.scene_data import SceneData
 from yasps.dialects.mat import MatOp, shape_of
 from yasps.dialects.mat.base import Batch
 from yasps.dialects.mat.comparison import absolute, is_less, is_less_equal, maximum, minimum

@@ -11,9 +11,9 @@ from xdsl.dialects.builtin import FloatAttr, f64
 from xdsl.ir import Block, Region
 
 from yasps import Scene
-from yasps.backend import cpp_function
-from yasps.backend.cpp_function import CALLS, CHOICES, INFIX, function_text
-from yasps.backend.interpreter import COMPARISONS, SCALAR_OPERATIONS, Interpreter, run_function
+from yasps.backend.codegen import scalar_function as cpp_function
+from yasps.backend.codegen.scalar_function import CALLS, CHOICES, INFIX, function_text
+from yasps.backend.reference.interpreter import COMPARISONS, SCALAR_OPERATIONS, Interpreter, run_function
 from yasps.passes.transforms import lower_to_scalar
 from yasps.passes.transforms.lower_to_scalar import BINARY, UNARY
 

@@ -14,10 +14,10 @@ from device_scenes import SCENES, Parameterisation, affine, cage, contact, free,
 from small_scenes import soft_tets
 
 from yasps import Scene
-from yasps.backend.cuda_derivative import DENSE_PRELUDE
-from yasps.backend.cuda_object import PRELUDE, CudaEmitter
-from yasps.backend.object_text import ObjectCode
-from yasps.backend.scene_view import SceneView
+from yasps.backend.codegen.object_text import ObjectCode
+from yasps.backend.codegen.scene_view import SceneView
+from yasps.backend.cuda.derivative import DENSE_PRELUDE
+from yasps.backend.cuda.object import PRELUDE, CudaEmitter
 from yasps.examples.two_bunnies import two_bunnies
 from yasps.frontend.execution.device_report import DeviceCompileReport
 from yasps.frontend.execution.emit import SceneEmitter

@@ -10,12 +10,12 @@ from collections.abc import Callable, Sequence
 from importlib.resources import files
 from typing import TYPE_CHECKING
 
-from yasps.backend.object_text import indented
+from yasps.backend.codegen.object_text import indented
 
 if TYPE_CHECKING:
-    from yasps.backend.cuda_object import CudaObjectText, SlotRange
+    from yasps.backend.cuda.object import CudaObjectText, SlotRange
 
-DENSE_PRELUDE = files("yasps.backend").joinpath("cuda_dense_prelude.cuh").read_text(encoding="utf-8")
+DENSE_PRELUDE = files("yasps.backend.cuda").joinpath("preludes", "dense.cuh").read_text(encoding="utf-8")
 
 
 def expand(

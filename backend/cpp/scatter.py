@@ -5,14 +5,14 @@ from __future__ import annotations
 from importlib.resources import files
 from typing import TYPE_CHECKING
 
-from yasps.backend.cpp_expand import expand_hessian, starts
-from yasps.backend.object_text import packed_place
-from yasps.backend.scene_view import Slot
+from yasps.backend.codegen.object_text import packed_place
+from yasps.backend.codegen.scene_view import Slot
+from yasps.backend.cpp.expand import expand_hessian, starts
 
 if TYPE_CHECKING:
-    from yasps.backend.cpp_object import CppObjectText
+    from yasps.backend.cpp.object import CppObjectText
 
-SCATTER_PRELUDE = files("yasps.backend").joinpath("scatter_prelude.h").read_text(encoding="utf-8")
+SCATTER_PRELUDE = files("yasps.backend.cpp").joinpath("preludes", "scatter.h").read_text(encoding="utf-8")
 
 
 def scatter_gradient(text: CppObjectText, slots: list[Slot], capacity: int) -> list[str]:

@@ -11,12 +11,12 @@ from collections.abc import Callable, Sequence
 from importlib.resources import files
 from typing import TYPE_CHECKING
 
-from yasps.backend.scene_view import Slot
+from yasps.backend.codegen.scene_view import Slot
 
 if TYPE_CHECKING:
-    from yasps.backend.cpp_object import CppObjectText
+    from yasps.backend.cpp.object import CppObjectText
 
-EXPAND_PRELUDE = files("yasps.backend").joinpath("expand_prelude.h").read_text(encoding="utf-8")
+EXPAND_PRELUDE = files("yasps.backend.cpp").joinpath("preludes", "expand.h").read_text(encoding="utf-8")
 
 
 def starts(sizes: Sequence[int]) -> list[int]:

@@ -6,13 +6,13 @@ from collections.abc import Sequence
 from importlib.resources import files
 from typing import TYPE_CHECKING
 
-from yasps.backend.cpp_expand import expand, starts
-from yasps.backend.scene_view import Slot
+from yasps.backend.codegen.scene_view import Slot
+from yasps.backend.cpp.expand import expand, starts
 
 if TYPE_CHECKING:
-    from yasps.backend.cpp_object import CppObjectText
+    from yasps.backend.cpp.object import CppObjectText
 
-DENSE_PRELUDE = files("yasps.backend").joinpath("dense_prelude.h").read_text(encoding="utf-8")
+DENSE_PRELUDE = files("yasps.backend.cpp").joinpath("preludes", "dense.h").read_text(encoding="utf-8")
 
 
 def row_starts(text: CppObjectText, slots: Sequence[Slot]) -> list[str]:

@@ -16,9 +16,9 @@ from typing import ClassVar
 
 from xdsl.ir import SSAValue
 
-from yasps.backend.cuda_expand import curve_body
-from yasps.backend.object_text import SELF, ObjectEmitter, ObjectText, c_type
-from yasps.backend.scene_view import Slot
+from yasps.backend.codegen.object_text import SELF, ObjectEmitter, ObjectText, c_type
+from yasps.backend.codegen.scene_view import Slot
+from yasps.backend.cuda.expand import curve_body
 from yasps.dialects.rel import (
     ApplyOp,
     AttributeOp,
@@ -26,7 +26,7 @@ from yasps.dialects.rel import (
     ObjectOp,
 )
 
-PRELUDE = files("yasps.backend").joinpath("cuda_prelude.cuh").read_text(encoding="utf-8")
+PRELUDE = files("yasps.backend.cuda").joinpath("preludes", "kernel.cuh").read_text(encoding="utf-8")
 THREADS = 128
 """Threads of a block of a generated kernel."""
 BLOCKS_AT_ONCE = 4
@@ -221,7 +221,7 @@ class CudaObjectText(ObjectText):
         self.entry("curve", CURVE_SIGNATURE, curve_body(self, ranges_of(slots), second, transposed))
 
     def derivative(self, derivative: DerivativeOp) -> None:
-        from yasps.backend.cuda_derivative import PARAMETERS, blocks_at_once, derivative_body
+        from yasps.backend.cuda.derivative import PARAMETERS, blocks_at_once, derivative_body
 
         self.kernel("derive", PARAMETERS, derivative_body(self, derivative), blocks_at_once(self, derivative))
 

@@ -8,8 +8,8 @@ from dataclasses import asdict, dataclass
 
 from xdsl.dialects.builtin import ModuleOp
 
-from yasps.backend.object_text import Binding, ObjectCode, ObjectEmitter
-from yasps.backend.scene_view import SceneView
+from yasps.backend.codegen.object_text import Binding, ObjectCode, ObjectEmitter
+from yasps.backend.codegen.scene_view import SceneView
 from yasps.dialects.rel import name_of
 
 

@@ -17,8 +17,8 @@ from xdsl.dialects.builtin import IntegerType
 from xdsl.dialects.func import FuncOp
 from xdsl.ir import SSAValue
 
-from yasps.backend.cpp_function import function_text
-from yasps.backend.scene_view import SceneView, Slot
+from yasps.backend.codegen.scalar_function import function_text
+from yasps.backend.codegen.scene_view import SceneView, Slot
 from yasps.dialects.mat import Matrix, shape_of
 from yasps.dialects.rel import (
     ApplyOp,

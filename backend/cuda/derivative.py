@@ -7,15 +7,15 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from yasps.backend.cuda_expand import DENSE_PRELUDE, curve_behind, expand, expand_merged, row_starts
-from yasps.backend.cuda_object import BLOCKS_AT_ONCE, THIS_THREAD, ranges_of
-from yasps.backend.object_text import indented, packed_place
+from yasps.backend.codegen.object_text import indented, packed_place
+from yasps.backend.cuda.expand import DENSE_PRELUDE, curve_behind, expand, expand_merged, row_starts
+from yasps.backend.cuda.object import BLOCKS_AT_ONCE, THIS_THREAD, ranges_of
 from yasps.dialects.mat import shape_of
 from yasps.dialects.rel import ApplyOp, DerivativeOp, ProjectOp, YieldDerivativeOp
 
 if TYPE_CHECKING:
-    from yasps.backend.cuda_object import CudaObjectText, SlotRange
-    from yasps.backend.scene_view import Slot
+    from yasps.backend.codegen.scene_view import Slot
+    from yasps.backend.cuda.object import CudaObjectText, SlotRange
 
 LARGEST_STACK = 2560
 """Bytes of a thread's stack that a Hessian and its projection may take; larger ones go to global memory."""

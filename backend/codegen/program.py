@@ -10,8 +10,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from yasps.backend.object_text import Binding, ObjectCode
-from yasps.backend.scene_code import SceneCode
+from yasps.backend.codegen.object_text import Binding, ObjectCode
+from yasps.backend.codegen.scene_code import SceneCode
 from yasps.runtime.build_cache import file_name
 from yasps.runtime.toolchain import Compiler, Source, compile_sources, link
 

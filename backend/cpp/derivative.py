@@ -8,15 +8,15 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from yasps.backend.cpp_curvature import dense_hessian
-from yasps.backend.cpp_scatter import scatter_gradient, scatter_hessian
-from yasps.backend.object_text import indented
-from yasps.backend.scene_view import Slot
+from yasps.backend.codegen.object_text import indented
+from yasps.backend.codegen.scene_view import Slot
+from yasps.backend.cpp.curvature import dense_hessian
+from yasps.backend.cpp.scatter import scatter_gradient, scatter_hessian
 from yasps.dialects.mat import shape_of
 from yasps.dialects.rel import ApplyOp, DerivativeOp, ProjectOp, YieldDerivativeOp
 
 if TYPE_CHECKING:
-    from yasps.backend.cpp_object import CppObjectText
+    from yasps.backend.cpp.object import CppObjectText
 
 
 MOST_PACKS = 16

@@ -9,7 +9,7 @@ import pytest
 from cuda_on_host import FLAGS, HostDevice
 
 from yasps import Attribute, NotFiniteError, Scene
-from yasps.backend.cpp_derivative import MOST_PACKS
+from yasps.backend.cpp.derivative import MOST_PACKS
 
 COUNT = 300
 """More than two batches of packs that are projected together."""

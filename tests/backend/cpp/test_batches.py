@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from yasps import Scene
-from yasps.backend.cpp_derivative import MOST_PACKS
+from yasps.backend.cpp.derivative import MOST_PACKS
 from yasps.frontend.execution.cpu_scene import CpuScene
 
 Check = Callable[[Scene], CpuScene]

@@ -19,10 +19,10 @@ from typing import ClassVar
 
 from xdsl.ir import SSAValue
 
-from yasps.backend.cpp_curvature import curve_body
-from yasps.backend.cpp_function import vector_function, words_used
-from yasps.backend.object_text import SELF, ObjectEmitter, ObjectText, c_type, size_of
-from yasps.backend.scene_view import SceneView, Slot
+from yasps.backend.codegen.object_text import SELF, ObjectEmitter, ObjectText, c_type, size_of
+from yasps.backend.codegen.scalar_function import vector_function, words_used
+from yasps.backend.codegen.scene_view import SceneView, Slot
+from yasps.backend.cpp.curvature import curve_body
 from yasps.dialects.rel import (
     ApplyOp,
     AttributeOp,
@@ -35,7 +35,7 @@ from yasps.dialects.rel import (
     name_of,
 )
 
-PRELUDE = files("yasps.backend").joinpath("kernel_prelude.h").read_text(encoding="utf-8")
+PRELUDE = files("yasps.backend.cpp").joinpath("preludes", "kernel.h").read_text(encoding="utf-8")
 
 
 class CppEmitter(ObjectEmitter):
@@ -246,7 +246,7 @@ class CppObjectText(ObjectText):
         self.entry("curve", signature, curve_body(self, slots, second, transposed))
 
     def derivative(self, derivative: DerivativeOp) -> None:
-        from yasps.backend.cpp_derivative import derivative_body
+        from yasps.backend.cpp.derivative import derivative_body
 
         self.entry(
             "derive",

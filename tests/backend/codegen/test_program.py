@@ -9,8 +9,8 @@ import pytest
 from small_scenes import mixed_union, shared_targets, soft_tets, stable_neo_hookean
 
 from yasps import NotFiniteError, Scene
-from yasps.backend.cpp_object import CppEmitter
-from yasps.backend.scene_view import SceneView
+from yasps.backend.codegen.scene_view import SceneView
+from yasps.backend.cpp.object import CppEmitter
 from yasps.frontend.execution.cpu_scene import CpuScene
 from yasps.runtime.toolchain import CompilerNotFoundError
 

@@ -13,8 +13,8 @@ import pytest
 from small_scenes import emit, mixed_union, shared_targets
 from xdsl.parser import Parser
 
-from yasps.backend.interpreter import SceneData
-from yasps.backend.scene_data import (
+from yasps.backend.reference.interpreter import SceneData
+from yasps.backend.reference.scene_data import (
     SceneDataError,
     check_scene_data,
     load_scene_data,

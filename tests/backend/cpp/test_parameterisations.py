@@ -10,8 +10,8 @@ from layered_scenes import lever_scene, ring_scene
 from numpy.typing import NDArray
 
 from yasps import ConnectivityError, Scene, SceneError
-from yasps.backend.interpreter import Interpreter
-from yasps.backend.scene_view import SceneView
+from yasps.backend.codegen.scene_view import SceneView
+from yasps.backend.reference.interpreter import Interpreter
 from yasps.frontend.execution.cpu_scene import CpuScene
 
 TOLERANCE = 1e-12

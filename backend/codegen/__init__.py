@@ -1,0 +1,1 @@
+"""What C++ and CUDA text have in common."""

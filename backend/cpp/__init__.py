@@ -1,0 +1,1 @@
+"""IR to C++ for packs of instances."""

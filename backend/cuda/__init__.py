@@ -1,0 +1,1 @@
+"""IR to CUDA, an instance a thread."""
