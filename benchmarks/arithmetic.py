@@ -5,7 +5,7 @@ from __future__ import annotations
 import ctypes
 
 from benchmarks.measure import Peer, Row, measure
-from yasps.runtime.toolchain import Compiler, Source, compile_sources, link
+from yasps.runtime.build.toolchain import Compiler, Source, compile_sources, link
 
 ROUNDS = 200_000
 CHAINS = 12  # independent, so that none waits for another's result; all stay in registers

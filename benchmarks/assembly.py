@@ -19,10 +19,10 @@ from benchmarks.measure import Peer, Report, Row, Settings, measure
 from yasps.frontend.commands.environment_report import cpu_model
 from yasps.meshes.mesh_file import read_tetrahedral_mesh
 from yasps.meshes.shapes import box
-from yasps.runtime.assembly import Assembler, KernelCall
-from yasps.runtime.block_matrix import BlockMatrix
-from yasps.runtime.library import Runtime, available_processors, load_runtime
-from yasps.runtime.toolchain import Compiler, Source, compile_sources, find_compiler, link
+from yasps.runtime.assembly.assembler import Assembler, KernelCall
+from yasps.runtime.build.toolchain import Compiler, Source, compile_sources, find_compiler, link
+from yasps.runtime.core.library import Runtime, available_processors, load_runtime
+from yasps.runtime.matrix.block_matrix import BlockMatrix
 
 DESCRIPTION = "structure of the global Hessian and the sum of given local ones, ms, beside SciPy and NumPy"
 DEFAULT_SIZE = 80_000  # tets

@@ -7,7 +7,7 @@ from benchmarks.element_rows import WHAT_ROWS_HOLD, make_contest
 from benchmarks.elements import about
 from benchmarks.kernel_problem import FLOOR_NOTES, Machine, floor_rows, measure_machine
 from benchmarks.measure import Report, Row, Settings, measure
-from yasps.runtime.toolchain import find_compiler
+from yasps.runtime.build.toolchain import find_compiler
 
 DESCRIPTION = "gradient and Hessian of Baraff-Witkin triangles and hinges; peers JAX, PyTorch, the machine's floor"
 DEFAULT_SIZE = 80_000

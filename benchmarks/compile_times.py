@@ -28,8 +28,7 @@ from yasps.frontend.execution.emit import SceneEmitter
 from yasps.frontend.scene import Scene
 from yasps.meshes.shapes import box
 from yasps.passes.pipeline import run_pipeline
-from yasps.runtime.library import Runtime, available_processors, load_runtime
-from yasps.runtime.toolchain import (
+from yasps.runtime.build.toolchain import (
     CompiledObject,
     Compiler,
     Source,
@@ -37,6 +36,7 @@ from yasps.runtime.toolchain import (
     find_compiler,
     link,
 )
+from yasps.runtime.core.library import Runtime, available_processors, load_runtime
 
 DESCRIPTION = "cold compile of two scenes: modular in parallel and one by one, one file, -O1/-O2/-O3, clang, seconds"
 DEFAULT_SIZE = 3_000

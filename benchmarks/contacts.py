@@ -13,8 +13,8 @@ from benchmarks.ipctk_contacts import IpctkPairs, ipctk_pairs
 from benchmarks.kernel_problem import FLOOR_NOTES, Machine, floor_rows, measure_machine, projected_share
 from benchmarks.measure import Peer, Report, Row, Settings, measure
 from yasps.frontend.commands.environment_report import cpu_model
-from yasps.runtime.library import available_processors
-from yasps.runtime.toolchain import find_compiler
+from yasps.runtime.build.toolchain import find_compiler
+from yasps.runtime.core.library import available_processors
 
 DESCRIPTION = "gradient and Hessian of contact barriers, free and affine; peers IPC Toolkit, the machine's floor"
 DEFAULT_SIZE = 40_000

@@ -29,7 +29,7 @@ from yasps.frontend.language.attribute import Attribute
 from yasps.frontend.language.connectivity import Connectivity
 from yasps.frontend.scene import Scene
 from yasps.meshes.mesh_file import read_tetrahedral_mesh
-from yasps.runtime.device import Device, DeviceArray
+from yasps.runtime.device.protocol import Device, DeviceArray
 
 SHARES = (0.0, 0.09, 0.33, 0.84)  # as in `elements`
 TETS_TO_TUNE = 6_000  # enough to find the noise at which such a share of the tets needs projection

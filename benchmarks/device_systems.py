@@ -25,14 +25,14 @@ from yasps.frontend.execution.cuda_scene import CudaScene
 from yasps.meshes.mesh_file import read_tetrahedral_mesh
 from yasps.meshes.shapes import box
 from yasps.meshes.tetrahedral_mesh import TetrahedralMesh
-from yasps.runtime.block_matrix import BlockMatrix
-from yasps.runtime.cuda_block_matrix import CudaBlockMatrix
-from yasps.runtime.cuda_solver import CudaSolver, least_bytes_per_iteration
-from yasps.runtime.cuda_sources import runtime_sources
-from yasps.runtime.device import Device, DeviceArray, LoadedProgram
-from yasps.runtime.library import Runtime, load_runtime
-from yasps.runtime.solver import PcgSolver
-from yasps.runtime.toolchain import find_compiler
+from yasps.runtime.build.cuda.sources import runtime_sources
+from yasps.runtime.build.toolchain import find_compiler
+from yasps.runtime.core.library import Runtime, load_runtime
+from yasps.runtime.device.protocol import Device, DeviceArray, LoadedProgram
+from yasps.runtime.matrix.block_matrix import BlockMatrix
+from yasps.runtime.matrix.cuda.block_matrix import CudaBlockMatrix
+from yasps.runtime.solvers.cuda.pcg import CudaSolver, least_bytes_per_iteration
+from yasps.runtime.solvers.pcg import PcgSolver
 
 MS = "ms"
 SPMV_NOTES = (

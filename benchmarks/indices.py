@@ -18,7 +18,7 @@ from yasps.frontend.execution.cpu_scene import CpuScene
 from yasps.frontend.language.attribute import Attribute
 from yasps.frontend.language.mesh import Mesh
 from yasps.frontend.language.primitive import Primitive, PrimitiveBase
-from yasps.runtime.library import available_processors
+from yasps.runtime.core.library import available_processors
 
 DESCRIPTION = "placement indices and sparsity for growing nesting and unions, ns per instance; peers NumPy, SciPy"
 DEFAULT_SIZE = 80_000

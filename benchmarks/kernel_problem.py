@@ -16,8 +16,8 @@ from benchmarks.opcounts import operations
 from yasps.frontend.execution.compiled_scene import CompiledScene
 from yasps.frontend.execution.cpu_scene import CpuScene
 from yasps.frontend.language.attribute import Stored
-from yasps.runtime.assembly import Assembler, KernelCall
-from yasps.runtime.toolchain import Compiler
+from yasps.runtime.assembly.assembler import Assembler, KernelCall
+from yasps.runtime.build.toolchain import Compiler
 
 UNIT = "ns/element"
 

@@ -10,8 +10,8 @@ import numpy as np
 from benchmarks.measure import Peer, Row, measure
 from yasps import Scene
 from yasps.frontend.commands.environment_report import cpu_model
-from yasps.runtime.device import Device, DeviceArray
-from yasps.runtime.library import available_processors
+from yasps.runtime.core.library import available_processors
+from yasps.runtime.device.protocol import Device, DeviceArray
 
 Where = int | Device
 """Threads of this machine's processors, or a device."""
@@ -38,7 +38,7 @@ def new_scene(name: str, where: Where) -> Scene:
 
 def open_gpu(name: str) -> Device:
     """The GPU that `--device` names: "cuda", or "cuda:1". Raises NoDeviceError, CudaNotFoundError."""
-    from yasps.runtime.cuda_device import Gpu
+    from yasps.runtime.device.gpu import Gpu
 
     return Gpu(int(name.partition(":")[2] or 0))
 

@@ -19,8 +19,8 @@ from benchmarks.measure import Peer, Report, Row, Settings, measure
 from benchmarks.projection_peers import EigenProjection, eigen_projection, numpy_projection
 from benchmarks.sympy_kernel import EigenNotFoundError
 from yasps.frontend.commands.environment_report import cpu_model
-from yasps.runtime.library import LANES, Runtime, available_processors, load_runtime
-from yasps.runtime.toolchain import Compiler, Source, compile_sources, find_compiler, link
+from yasps.runtime.build.toolchain import Compiler, Source, compile_sources, find_compiler, link
+from yasps.runtime.core.library import LANES, Runtime, available_processors, load_runtime
 
 DESCRIPTION = "projection onto the PSD cone by width and by share that fails, ns per matrix, beside Eigen and NumPy"
 DEFAULT_SIZE = 256  # matrices of each kind

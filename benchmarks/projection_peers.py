@@ -10,7 +10,7 @@ import numpy as np
 
 from benchmarks.element_problem import FloatArray
 from benchmarks.sympy_kernel import eigen_folder
-from yasps.runtime.toolchain import Compiler, Source, compile_sources, link
+from yasps.runtime.build.toolchain import Compiler, Source, compile_sources, link
 
 #: In place of a width: matrices of any, somewhat slower.
 ANY_WIDTH = -1

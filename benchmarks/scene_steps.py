@@ -14,8 +14,8 @@ from yasps.frontend.commands.environment_report import cpu_model
 from yasps.meshes.mesh_file import read_tetrahedral_mesh
 from yasps.meshes.rabbit import FEWEST_VERTICES, rabbit
 from yasps.output.progress import TimeTable
-from yasps.runtime.device import Device
-from yasps.runtime.library import available_processors
+from yasps.runtime.core.library import available_processors
+from yasps.runtime.device.protocol import Device
 from yasps.simulation import Simulation
 from yasps.stepping.newton import NewtonReport
 

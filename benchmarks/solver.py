@@ -14,10 +14,10 @@ from benchmarks.kernel_problem import on_cpu
 from benchmarks.measure import Peer, Report, Row, Settings, measure
 from benchmarks.solver_problems import PROBLEMS, SolverProblem
 from yasps.frontend.commands.environment_report import cpu_model
-from yasps.runtime.block_matrix import BlockMatrix
-from yasps.runtime.direct_solver import LIBRARIES, DirectSolver, available_libraries
-from yasps.runtime.library import available_processors
-from yasps.runtime.solver import PcgSolver
+from yasps.runtime.core.library import available_processors
+from yasps.runtime.matrix.block_matrix import BlockMatrix
+from yasps.runtime.solvers.direct import LIBRARIES, DirectSolver, available_libraries
+from yasps.runtime.solvers.pcg import PcgSolver
 
 DESCRIPTION = "linear solvers on soft, stiff, quasi-static and contact-dominated systems: seconds and iterations"
 DEFAULT_SIZE = 30_000

@@ -18,7 +18,7 @@ from yasps.frontend.language.mesh import Mesh
 from yasps.frontend.language.primitive import Primitive
 from yasps.meshes.shapes import box
 from yasps.meshes.tetrahedral_mesh import TetrahedralMesh
-from yasps.runtime.block_matrix import BlockMatrix
+from yasps.runtime.matrix.block_matrix import BlockMatrix
 
 TIME_STEP = 0.01  # s
 DENSITY = 1000.0  # kg/m^3

@@ -19,11 +19,11 @@ from yasps.frontend.commands.environment_report import cpu_model
 from yasps.meshes.mesh_file import read_tetrahedral_mesh
 from yasps.meshes.shapes import sphere
 from yasps.meshes.tetrahedral_mesh import TetrahedralMesh
-from yasps.runtime.block_matrix import BlockMatrix
-from yasps.runtime.library import Runtime, available_processors, load_runtime
-from yasps.runtime.ordering import bandwidth_reducing_order
-from yasps.runtime.solver import PcgSolver
-from yasps.runtime.toolchain import find_compiler
+from yasps.runtime.build.toolchain import find_compiler
+from yasps.runtime.core.library import Runtime, available_processors, load_runtime
+from yasps.runtime.matrix.block_matrix import BlockMatrix
+from yasps.runtime.matrix.ordering import bandwidth_reducing_order
+from yasps.runtime.solvers.pcg import PcgSolver
 
 DESCRIPTION = "product with the Hessian of a tetrahedral mesh and conjugate gradients, ms, beside SciPy, Eigen and MKL"
 DEFAULT_SIZE = 19_000  # vertices

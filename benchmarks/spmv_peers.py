@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from scipy import sparse
 
 from benchmarks.sympy_kernel import eigen_folder
-from yasps.runtime.toolchain import Compiler, Source, compile_sources, link
+from yasps.runtime.build.toolchain import Compiler, Source, compile_sources, link
 
 FloatArray = NDArray[np.float64]
 

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmarks.element_problem import LAMBDA, MU, Elements, FloatArray
-from yasps.runtime.toolchain import Compiler, Source, compile_sources, link
+from yasps.runtime.build.toolchain import Compiler, Source, compile_sources, link
 
 PAIRS = [(a, b) for a in range(4) for b in range(a, 4)]
 

@@ -28,10 +28,10 @@ from yasps.frontend.language.mesh import Mesh
 from yasps.frontend.language.paper_names import SceneNames
 from yasps.frontend.language.scene_lock import lock_of, one_thread_at_a_time
 from yasps.frontend.language.spelling import both_spellings, paper_spelling
-from yasps.runtime.build_cache import file_name
-from yasps.runtime.library import Runtime, load_runtime
-from yasps.runtime.solver import SolveReport
-from yasps.runtime.toolchain import find_compiler
+from yasps.runtime.build.cache import file_name
+from yasps.runtime.build.toolchain import find_compiler
+from yasps.runtime.core.library import Runtime, load_runtime
+from yasps.runtime.solvers.pcg import SolveReport
 
 if TYPE_CHECKING:
     from scipy import sparse
@@ -39,7 +39,7 @@ if TYPE_CHECKING:
     from yasps.frontend.execution.device_report import DeviceCompileReport
     from yasps.frontend.language.connectivity import Connectivity
     from yasps.frontend.language.primitive import PrimitiveBase
-    from yasps.runtime.device import Device
+    from yasps.runtime.device.protocol import Device
 
 
 _DEVICE_NAME = re.compile(r"cpu|cuda(:\d+)?")
@@ -61,10 +61,10 @@ class Solution:
 class Scene(SceneNames, Entity):
     """Meshes, attributes, energies and minimisation targets, and what the compiler makes of them.
 
-    device: "cpu"; "cuda", or "cuda:1" for another than the first GPU; or a `yasps.runtime.device.Device`, which several
-    scenes may share. threads: of the CPU's runtime; default one for each processor. deterministic: the same bits for
-    any number of threads, and on a GPU in every run, for some more time and memory; without it, on the CPU for the same
-    number. Nothing is global: scenes of the same name live side by side.
+    device: "cpu"; "cuda", or "cuda:1" for another than the first GPU; or a `Device` (yasps.runtime.device.protocol),
+    which several scenes may share. threads: of the CPU's runtime; default one for each processor. deterministic: the
+    same bits for any number of threads, and on a GPU in every run, for some more time and memory; without it, on the
+    CPU for the same number. Nothing is global: scenes of the same name live side by side.
 
     Threads may share a scene: whatever sets numbers or computes waits until no other thread does. `with scene.lock:`
     keeps the others out for several calls.
@@ -468,7 +468,7 @@ class Scene(SceneNames, Entity):
             if not self.is_on_device:
                 raise SceneError(f"{self.label} runs on the CPU: make it with device='cuda' to have a GPU")
             if isinstance(self._device_name, str):
-                from yasps.runtime.cuda_device import Gpu
+                from yasps.runtime.device.gpu import Gpu
 
                 self._device = Gpu(int(self._device_name.partition(":")[2] or 0))
             else:

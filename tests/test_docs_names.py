@@ -21,7 +21,8 @@ PREAMBLE = """
 from typing import Any
 import numpy as np
 import yasps
-import yasps.runtime.cuda_device
+import yasps.runtime.build.toolchain
+import yasps.runtime.device.gpu
 from yasps import {public}
 import yasps.backend, yasps.dialects, yasps.examples, yasps.frontend, yasps.passes
 from yasps.frontend.scene import Solution
@@ -32,7 +33,7 @@ from yasps.contact.barrier import BarrierContact
 from yasps.materials import *
 from yasps.stepping.newton import BackwardEuler, MovingPart, NewtonReport, NewtonSettings, minimize
 from yasps.passes.pipeline import run_pipeline
-from yasps.runtime.solver import SolveReport
+from yasps.runtime.solvers.pcg import SolveReport
 from yasps.simulation import Pins, Simulation
 any_: Any
 """

@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 
 from yasps.backend.codegen.object_text import Binding, ObjectCode
 from yasps.backend.codegen.scene_code import SceneCode
-from yasps.runtime.build_cache import file_name
-from yasps.runtime.toolchain import Compiler, Source, compile_sources, link
+from yasps.runtime.build.cache import file_name
+from yasps.runtime.build.toolchain import Compiler, Source, compile_sources, link
 
 LINK_FLAGS = ("-Wl,-Bsymbolic",)
 

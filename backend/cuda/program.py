@@ -11,10 +11,10 @@ import numpy as np
 from yasps.backend.codegen.object_text import Binding
 from yasps.backend.codegen.program import CompiledModule
 from yasps.backend.codegen.scene_code import SceneCode
-from yasps.runtime.build_cache import file_name
-from yasps.runtime.cuda_sources import runtime_sources
-from yasps.runtime.device import Device, DeviceArray, LoadedProgram
-from yasps.runtime.toolchain import Source
+from yasps.runtime.build.cache import file_name
+from yasps.runtime.build.cuda.sources import runtime_sources
+from yasps.runtime.build.toolchain import Source
+from yasps.runtime.device.protocol import Device, DeviceArray, LoadedProgram
 
 MOST_THREADS_WITH_WORKSPACE = 1 << 14
 """Threads of a kernel whose threads need global memory of their own; each then takes several instances."""

@@ -17,9 +17,9 @@ from typing import Final
 
 from yasps.frontend.commands.environment_report import environment_report, package_version
 from yasps.frontend.errors import YaspsError
-from yasps.runtime.cuda_driver import NoDeviceError
-from yasps.runtime.cuda_nvcc import CudaNotFoundError
-from yasps.runtime.toolchain import CacheFolderError, CompilerNotFoundError
+from yasps.runtime.build.cuda.nvcc import CudaNotFoundError
+from yasps.runtime.build.toolchain import CacheFolderError, CompilerNotFoundError
+from yasps.runtime.device.driver import NoDeviceError
 
 FAILED: Final = 1
 INTERRUPTED: Final = 130  # 128 + SIGINT, as shells report it

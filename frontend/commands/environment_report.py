@@ -6,9 +6,9 @@ from importlib import metadata
 from pathlib import Path
 from typing import Final
 
-from yasps.runtime import toolchain
-from yasps.runtime.cuda_driver import NoDeviceError, find_device
-from yasps.runtime.cuda_nvcc import CudaNotFoundError
+from yasps.runtime.build import toolchain
+from yasps.runtime.build.cuda.nvcc import CudaNotFoundError
+from yasps.runtime.device.driver import NoDeviceError, find_device
 
 PACKAGES: Final = ("numpy", "scipy", "xdsl", "ipctk", "meshio", "h5py", "pyvista")
 

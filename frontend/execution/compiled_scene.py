@@ -26,9 +26,9 @@ from yasps.frontend.language.entity import Entity
 from yasps.frontend.language.in_scene import InScene
 from yasps.frontend.language.primitive import Primitive, PrimitiveBase, PrimitiveUnion
 from yasps.frontend.language.scene_lock import one_thread_at_a_time
-from yasps.runtime.block_matrix import MOST_SCALARS, BlockGroup
-from yasps.runtime.library import Projection
-from yasps.runtime.solver import SolveReport
+from yasps.runtime.core.library import Projection
+from yasps.runtime.matrix.block_matrix import MOST_SCALARS, BlockGroup
+from yasps.runtime.solvers.pcg import SolveReport
 
 MODES = {"clamp": Projection.CLAMP, "abs": Projection.ABS, "none": Projection.NONE}
 

@@ -19,12 +19,12 @@ from yasps.frontend.execution.scene_source import CompileRequest
 from yasps.frontend.language.attribute import FloatArray, Stored
 from yasps.frontend.language.primitive import Primitive
 from yasps.frontend.language.scene_lock import one_thread_at_a_time
-from yasps.runtime.assembly import Assembler, KernelCall, evaluate
-from yasps.runtime.block_matrix import BlockGroup, BlockMatrix
-from yasps.runtime.library import Projection, Runtime
-from yasps.runtime.ordering import instance_order
-from yasps.runtime.solver import SolveReport
-from yasps.runtime.solver_choice import LinearSolver
+from yasps.runtime.assembly.assembler import Assembler, KernelCall, evaluate
+from yasps.runtime.core.library import Projection, Runtime
+from yasps.runtime.matrix.block_matrix import BlockGroup, BlockMatrix
+from yasps.runtime.matrix.ordering import instance_order
+from yasps.runtime.solvers.choice import LinearSolver
+from yasps.runtime.solvers.pcg import SolveReport
 
 
 @dataclass

@@ -8,11 +8,11 @@ from dataclasses import dataclass
 from yasps.backend.cuda.object import CudaEmitter
 from yasps.backend.cuda.program import modules_of
 from yasps.frontend.execution.scene_source import CompileRequest, SceneSource
-from yasps.runtime.cuda_device import cub_source
-from yasps.runtime.cuda_report import ModuleRow, largest_stack
-from yasps.runtime.cuda_residency import TYPICAL, Residency
-from yasps.runtime.cuda_sources import runtime_sources
-from yasps.runtime.cuda_toolchain import build_program, find_cuda
+from yasps.runtime.build.cuda.report import ModuleRow, largest_stack
+from yasps.runtime.build.cuda.sources import runtime_sources
+from yasps.runtime.build.cuda.toolchain import build_program, find_cuda
+from yasps.runtime.device.gpu import cub_source
+from yasps.runtime.device.residency import TYPICAL, Residency
 
 CUDA_KEY = ("cuda",)
 """What device code depends on apart from the scene."""

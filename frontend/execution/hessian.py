@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from yasps.frontend.language.attribute import FloatArray
-from yasps.runtime.block_matrix import BlockGroup
+from yasps.runtime.matrix.block_matrix import BlockGroup
 
 if TYPE_CHECKING:
     from scipy import sparse

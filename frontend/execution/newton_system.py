@@ -11,8 +11,8 @@ import numpy as np
 from yasps.frontend.errors import DataError
 from yasps.frontend.execution.compiled_scene import CompiledScene
 from yasps.frontend.language.attribute import FloatArray
-from yasps.runtime import solver_choice
-from yasps.runtime.solver import SolveReport, StopReason
+from yasps.runtime.solvers import choice as solver_choice
+from yasps.runtime.solvers.pcg import SolveReport, StopReason
 
 SOLVERS = solver_choice.SOLVERS
 """Names of the linear solvers."""

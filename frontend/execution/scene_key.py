@@ -11,7 +11,7 @@ from xdsl.dialects.builtin import ModuleOp
 
 from yasps.dialects.rel import PrimitiveOp, StorageOp
 from yasps.passes.ir_text import text_of
-from yasps.runtime.build_cache import digest_of
+from yasps.runtime.build.cache import digest_of
 
 SOURCES = ("dialects", "passes", "backend", "runtime", "frontend")
 """Folders of what has a part in the code that is made of a scene. Which files of the frontend have none is not worth a

@@ -22,7 +22,7 @@ from yasps.frontend.language.attribute import Attribute, FloatArray
 from yasps.frontend.language.scene_lock import SceneLock
 from yasps.passes.errors import CompileError
 from yasps.passes.pipeline import LIFTING, PIPELINE, run_pipeline
-from yasps.runtime.build_cache import digest_of, kept_text
+from yasps.runtime.build.cache import digest_of, kept_text
 
 
 @dataclass(frozen=True)

@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from yasps.dialects.mat import spell
 from yasps.frontend.errors import DataError, ShapeMismatchError, YaspsError
-from yasps.runtime.device_indices import is_on_device
+from yasps.runtime.device.foreign_arrays import is_on_device
 
 _Floats = NDArray[np.float64]
 GREATEST_INDEX = int(np.iinfo(np.int32).max)

@@ -13,7 +13,7 @@ from yasps.frontend.language.in_scene import InScene
 from yasps.frontend.language.paper_names import ConnectivityNames
 from yasps.frontend.language.scene_lock import SceneLock, one_thread_at_a_time
 from yasps.frontend.language.spelling import both_spellings
-from yasps.runtime.device_indices import DeviceIndices, ForeignArrayError, device_indices, is_on_device
+from yasps.runtime.device.foreign_arrays import DeviceIndices, ForeignArrayError, device_indices, is_on_device
 
 if TYPE_CHECKING:
     from yasps.frontend.language.primitive import PrimitiveBase

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Never
 
 from yasps.frontend.errors import SceneError
-from yasps.runtime.uncopied import Uncopied
+from yasps.runtime.core.uncopied import Uncopied
 
 
 class InScene(Uncopied):

@@ -15,7 +15,7 @@ from yasps.frontend.language.connectivity import Connectivity, IntArray
 from yasps.frontend.language.entity import Entity
 from yasps.frontend.language.mesh import Mesh
 from yasps.frontend.language.primitive import Primitive, PrimitiveBase, PrimitiveUnion
-from yasps.runtime.device_indices import DeviceIndices
+from yasps.runtime.device.foreign_arrays import DeviceIndices
 
 class AttributeNames:
     @property

@@ -15,7 +15,7 @@ from types import TracebackType
 from typing import Any, TypeVar, cast
 
 from yasps.frontend.errors import SceneError
-from yasps.runtime.device import Device
+from yasps.runtime.device.protocol import Device
 
 Method = TypeVar("Method", bound=Callable[..., Any])
 

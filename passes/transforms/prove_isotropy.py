@@ -1,8 +1,8 @@
 """`prove-isotropy`: finds energies that see one matrix F, and of F only what rotations leave alone.
 
 Their Hessian with respect to F falls apart in the frames of F's singular value decomposition, so that it is projected
-at a fraction of the cost of its eigenvalues (`runtime/isotropic.cpp`). The projection gets F as a second operand; its
-meaning stays the same. An energy without a proof stays as it is.
+at a fraction of the cost of its eigenvalues (`runtime/projection/isotropic.cpp`). The projection gets F as a second
+operand; its meaning stays the same. An energy without a proof stays as it is.
 """
 
 from __future__ import annotations

@@ -22,9 +22,9 @@ from benchmarks.solver_problems import in_contact, soft
 from benchmarks.spmv import make_case
 from yasps.meshes.mesh_file import write_mesh
 from yasps.meshes.shapes import box
-from yasps.runtime.cuda_driver import NoDeviceError
-from yasps.runtime.library import load_runtime
-from yasps.runtime.toolchain import find_compiler
+from yasps.runtime.build.toolchain import find_compiler
+from yasps.runtime.core.library import load_runtime
+from yasps.runtime.device.driver import NoDeviceError
 
 
 @pytest.fixture(autouse=True)

@@ -20,7 +20,7 @@ from benchmarks.measure import Settings
 from benchmarks.sympy_kernel import EigenNotFoundError, eigen_folder, sympy_tets
 from yasps.meshes.mesh_file import write_mesh
 from yasps.meshes.shapes import box, cloth_grid
-from yasps.runtime.toolchain import find_compiler
+from yasps.runtime.build.toolchain import find_compiler
 
 KEYS = {"case", "implementation", "threads", "value", "unit"}
 

@@ -15,8 +15,8 @@ from benchmarks.measure import Settings
 from benchmarks.projection import packed, random_matrices, unpacked
 from benchmarks.projection_peers import ANY_WIDTH, EigenProjection, eigen_projection, numpy_projection
 from benchmarks.sympy_kernel import EigenNotFoundError
-from yasps.runtime.library import Runtime, load_runtime
-from yasps.runtime.toolchain import find_compiler
+from yasps.runtime.build.toolchain import find_compiler
+from yasps.runtime.core.library import Runtime, load_runtime
 
 
 @pytest.fixture(scope="module")

@@ -21,8 +21,8 @@ from benchmarks.memory import Measurement
 from yasps.frontend.scene import Scene
 from yasps.meshes.mesh_file import write_mesh
 from yasps.meshes.shapes import box
-from yasps.runtime.library import load_runtime
-from yasps.runtime.toolchain import Source, find_compiler
+from yasps.runtime.build.toolchain import Source, find_compiler
+from yasps.runtime.core.library import load_runtime
 
 
 def by_case(rows: list[Row]) -> dict[str, float]:

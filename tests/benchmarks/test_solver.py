@@ -10,8 +10,8 @@ import pytest
 
 from benchmarks.__main__ import main
 from benchmarks.solver_problems import PROBLEMS, MakeProblem, in_contact, quasi_static, soft
-from yasps.runtime.direct_solver import LIBRARIES, available_libraries
-from yasps.runtime.solver import PcgSolver
+from yasps.runtime.solvers.direct import LIBRARIES, available_libraries
+from yasps.runtime.solvers.pcg import PcgSolver
 
 
 @pytest.mark.parametrize("make", PROBLEMS)

@@ -12,9 +12,9 @@ from numpy.typing import NDArray
 
 from yasps import YaspsError
 from yasps.contact.collision_geometry import CollisionGeometry
-from yasps.runtime.library import load_runtime
-from yasps.runtime.surface_pairs import SurfacePairs
-from yasps.runtime.toolchain import find_compiler
+from yasps.runtime.build.toolchain import find_compiler
+from yasps.runtime.collision.surface_pairs import SurfacePairs
+from yasps.runtime.core.library import load_runtime
 
 MOTIONS = ["still", "shaken", "together", "through"]
 

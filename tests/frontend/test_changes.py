@@ -8,7 +8,7 @@ import pytest
 from yasps import ConnectivityError, DataError, Primitive, Scene
 from yasps.backend.reference.interpreter import Interpreter
 from yasps.frontend.execution.cpu_scene import CpuScene
-from yasps.runtime.ordering import FEWEST_BLOCKS
+from yasps.runtime.matrix.ordering import FEWEST_BLOCKS
 
 
 def check(scene: Scene) -> CpuScene:

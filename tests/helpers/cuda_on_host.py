@@ -19,11 +19,11 @@ import race_detector
 from numpy.typing import NDArray
 from race_detector import Barrier
 
-from yasps.runtime.cuda_disposal import DISPOSAL
-from yasps.runtime.cuda_report import ModuleRow
-from yasps.runtime.cuda_sources import with_includes
-from yasps.runtime.device import BLOCK, DeviceError, DeviceMemoryError, Kernel
-from yasps.runtime.toolchain import Source, compile_sources, find_compiler, link
+from yasps.runtime.build.cuda.report import ModuleRow
+from yasps.runtime.build.cuda.sources import with_includes
+from yasps.runtime.build.toolchain import Source, compile_sources, find_compiler, link
+from yasps.runtime.device.disposal import DISPOSAL
+from yasps.runtime.device.protocol import BLOCK, DeviceError, DeviceMemoryError, Kernel
 
 HEADER = Path(__file__).resolve().with_name("cuda_on_host.h")
 FLAGS = (
@@ -88,7 +88,7 @@ class HostGraph:
 
 
 class HostDevice:
-    """Implements `yasps.runtime.device.Device`.
+    """Implements `yasps.runtime.device.protocol.Device`.
 
     While a graph is recorded it refuses what CUDA refuses: every call that gives or takes memory, waits, compiles, or
     reads and writes memory of the host. Sorts and sums need memory of their own. It raises DeviceError.

@@ -21,7 +21,7 @@ from small_scenes import PAIRS, mixed_union, shared_targets, soft_tets
 from yasps import ConnectivityError, Scene, Solution, materials
 from yasps.examples.two_bunnies import two_bunnies
 from yasps.meshes.shapes import box
-from yasps.runtime.device import Device, DeviceArray, DeviceMemoryError
+from yasps.runtime.device.protocol import Device, DeviceArray, DeviceMemoryError
 from yasps.simulation import Simulation
 from yasps.stepping.newton import BackwardEuler, MovingPart, NewtonSettings
 

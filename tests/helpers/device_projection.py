@@ -5,15 +5,15 @@ from __future__ import annotations
 import numpy as np
 from cuda_on_host import HostDevice, HostProgram
 
-from yasps.runtime.cuda_sources import runtime_sources
-from yasps.runtime.device import DeviceArray
-from yasps.runtime.library import LANES, Projection, Runtime
-from yasps.runtime.toolchain import Source
+from yasps.runtime.build.cuda.sources import runtime_sources
+from yasps.runtime.build.toolchain import Source
+from yasps.runtime.core.library import LANES, Projection, Runtime
+from yasps.runtime.device.protocol import DeviceArray
 
 Array = np.ndarray
 
 KERNELS = """
-#include "cuda/projection.cuh"
+#include "projection/cuda/projection.cuh"
 
 extern "C" __global__ void project_all(double* packed, long count, long n, long mode, double* work, long* outcome) {
     const long i = blockIdx.x * (long)blockDim.x + threadIdx.x;

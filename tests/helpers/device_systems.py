@@ -10,12 +10,12 @@ import numpy as np
 from cuda_on_host import HostDevice, HostGraph, HostProgram
 from numpy.typing import NDArray
 
-from yasps.runtime.block_matrix import BlockMatrix
-from yasps.runtime.cuda_block_matrix import CudaBlockMatrix
-from yasps.runtime.cuda_solver import CudaSolver
-from yasps.runtime.cuda_sources import runtime_sources
-from yasps.runtime.device import DeviceArray
-from yasps.runtime.library import Runtime
+from yasps.runtime.build.cuda.sources import runtime_sources
+from yasps.runtime.core.library import Runtime
+from yasps.runtime.device.protocol import DeviceArray
+from yasps.runtime.matrix.block_matrix import BlockMatrix
+from yasps.runtime.matrix.cuda.block_matrix import CudaBlockMatrix
+from yasps.runtime.solvers.cuda.pcg import CudaSolver
 
 SOURCES = ("structure", "multiply", "gathered_multiply", "preconditioner", "pcg")
 

@@ -9,7 +9,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
-from yasps.runtime.toolchain import CompiledObject, Compiler, Source, compile_sources
+from yasps.runtime.build.toolchain import CompiledObject, Compiler, Source, compile_sources
 
 HOOKS = Path(__file__).resolve().with_name("race_hooks.cpp")
 FLAGS = ("-O0", "-g1", "-DFIND_RACES", "-fvisibility=hidden", "-fsanitize=thread")

@@ -7,9 +7,9 @@ from collision_scenes import distances
 from numpy.typing import NDArray
 
 from yasps.contact.active_set import active_set_of
-from yasps.runtime.library import load_runtime
-from yasps.runtime.surface_pairs import Surface, SurfacePairs
-from yasps.runtime.toolchain import find_compiler
+from yasps.runtime.build.toolchain import find_compiler
+from yasps.runtime.collision.surface_pairs import Surface, SurfacePairs
+from yasps.runtime.core.library import load_runtime
 
 Floats = NDArray[np.float64]
 

@@ -12,8 +12,8 @@ sys.path.insert(0, str(Path(__file__).parent))  # the helper modules of this fol
 from cuda_on_host import FLAGS, HostDevice
 from profiles import IS_NIGHTLY, register
 
-from yasps.runtime.library import Runtime, load_runtime
-from yasps.runtime.toolchain import DEFAULT_FLAGS, find_compiler
+from yasps.runtime.build.toolchain import DEFAULT_FLAGS, find_compiler
+from yasps.runtime.core.library import Runtime, load_runtime
 
 register()
 

@@ -15,8 +15,8 @@ from yasps.backend.reference.interpreter import Interpreter, SceneData
 from yasps.dialects.rel import name_of
 from yasps.frontend.execution.cpu_scene import CpuScene
 from yasps.passes.pipeline import run_pipeline
-from yasps.runtime.device import Device
-from yasps.runtime.library import Runtime
+from yasps.runtime.core.library import Runtime
+from yasps.runtime.device.protocol import Device
 
 Array = NDArray[np.float64]
 TOLERANCE = 1e-10

@@ -7,7 +7,7 @@ import pytest
 from scene_checks import check_kernels, check_passes
 
 from yasps import Scene
-from yasps.runtime.library import Runtime
+from yasps.runtime.core.library import Runtime
 
 
 def test_a_projected_hessian_that_is_zero(runtime: Runtime) -> None:

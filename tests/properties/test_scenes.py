@@ -9,7 +9,7 @@ from profiles import examples
 from random_scenes import SceneProgram, scenes
 from scene_checks import check_device_kernels, check_kernels, check_passes
 
-from yasps.runtime.library import Runtime
+from yasps.runtime.core.library import Runtime
 
 
 @examples(ci=100, nightly=2000)

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from yasps.runtime.library import Runtime, load_runtime
-from yasps.runtime.toolchain import Compiler, find_compiler
+from yasps.runtime.build.toolchain import Compiler, find_compiler
+from yasps.runtime.core.library import Runtime, load_runtime
 
 
 @pytest.fixture(scope="session")

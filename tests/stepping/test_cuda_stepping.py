@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from yasps import Scene, materials
 from yasps.contact.barrier import BarrierContact
 from yasps.meshes.shapes import box, ground
-from yasps.runtime.device import Device
+from yasps.runtime.device.protocol import Device
 from yasps.stepping.newton import BackwardEuler, MovingPart, NewtonReport, NewtonSettings, minimize
 
 STEP = 0.01

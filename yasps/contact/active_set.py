@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from yasps.runtime.surface_pairs import ClosePairs
+from yasps.runtime.collision.surface_pairs import ClosePairs
 
 Floats = NDArray[np.float64]
 Ids = NDArray[np.int32]

@@ -31,10 +31,10 @@ from yasps.contact.surface_arguments import (
 from yasps.frontend.errors import DataError, IntersectionError, SceneError
 from yasps.frontend.language.arrays import positive_number, real_numbers
 from yasps.meshes.tetrahedral_mesh import TetrahedralMesh
-from yasps.runtime.library import Runtime, load_runtime
-from yasps.runtime.surface_pairs import Surface, SurfacePairs
-from yasps.runtime.toolchain import find_compiler
-from yasps.runtime.uncopied import Uncopied
+from yasps.runtime.build.toolchain import find_compiler
+from yasps.runtime.collision.surface_pairs import Surface, SurfacePairs
+from yasps.runtime.core.library import Runtime, load_runtime
+from yasps.runtime.core.uncopied import Uncopied
 
 _ROUNDING = 8 * float(np.finfo(np.float64).eps)
 

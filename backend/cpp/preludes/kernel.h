@@ -2,7 +2,7 @@
 typedef double V __attribute__((vector_size(64), may_alias));  // one value of 8 instances
 typedef double V_unaligned __attribute__((vector_size(64), aligned(8), may_alias));
 
-// Layout shared with runtime/runtime.h.
+// Layout shared with runtime/core/runtime.h.
 struct yasps_sink {
     double* gradient;
     double** tiles;

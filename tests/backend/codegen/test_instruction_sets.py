@@ -11,8 +11,8 @@ from small_scenes import SCENES
 
 from yasps import Scene
 from yasps.frontend.execution.cpu_scene import CpuScene
-from yasps.runtime.library import load_runtime
-from yasps.runtime.toolchain import DEFAULT_FLAGS, find_compiler
+from yasps.runtime.build.toolchain import DEFAULT_FLAGS, find_compiler
+from yasps.runtime.core.library import load_runtime
 
 Check = Callable[[Scene], CpuScene]
 

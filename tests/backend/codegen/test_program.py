@@ -12,7 +12,7 @@ from yasps import NotFiniteError, Scene
 from yasps.backend.codegen.scene_view import SceneView
 from yasps.backend.cpp.object import CppEmitter
 from yasps.frontend.execution.cpu_scene import CpuScene
-from yasps.runtime.toolchain import CompilerNotFoundError
+from yasps.runtime.build.toolchain import CompilerNotFoundError
 
 
 def _text_of(compiled: CpuScene, name: str) -> str:

@@ -12,8 +12,8 @@ from small_scenes import SCENES, mixed_union, soft_tets
 
 from yasps import Attribute, Scene, concat_rows
 from yasps.frontend.execution.cpu_scene import CpuScene
-from yasps.runtime.library import load_runtime
-from yasps.runtime.toolchain import find_compiler
+from yasps.runtime.build.toolchain import find_compiler
+from yasps.runtime.core.library import load_runtime
 
 Check = Callable[[Scene], CpuScene]
 COUNTS = (0, 1, 7, 8, 9, 17)

@@ -23,12 +23,12 @@ from yasps.frontend.execution.device_report import DeviceCompileReport
 from yasps.frontend.execution.emit import SceneEmitter
 from yasps.meshes.shapes import box
 from yasps.passes.pipeline import run_pipeline
-from yasps.runtime.cuda_device import cub_source
-from yasps.runtime.cuda_report import ModuleRow
-from yasps.runtime.cuda_residency import TYPICAL
-from yasps.runtime.cuda_sources import runtime_sources
-from yasps.runtime.cuda_toolchain import build_program, find_cuda
-from yasps.runtime.toolchain import Source
+from yasps.runtime.build.cuda.report import ModuleRow
+from yasps.runtime.build.cuda.sources import runtime_sources
+from yasps.runtime.build.cuda.toolchain import build_program, find_cuda
+from yasps.runtime.build.toolchain import Source
+from yasps.runtime.device.gpu import cub_source
+from yasps.runtime.device.residency import TYPICAL
 
 EVERYTHING_FOR = "sm_90"
 """All scenes are compiled for this one; for the others those that hold the largest kernels of each kind."""

@@ -19,8 +19,8 @@ from small_scenes import mixed_union, soft_tets
 
 from yasps import Scene, SceneError
 from yasps.frontend.errors import DataError
-from yasps.runtime.cuda_driver import NoDeviceError
-from yasps.runtime.device import DeviceMemoryError
+from yasps.runtime.device.driver import NoDeviceError
+from yasps.runtime.device.protocol import DeviceMemoryError
 
 has_cuda = pytest.mark.skipif(
     importlib.util.find_spec("cuda") is None, reason="needs the packages of pip install 'yasps[cuda]'"

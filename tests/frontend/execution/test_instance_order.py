@@ -13,7 +13,7 @@ from yasps.frontend.errors import NotFiniteError
 from yasps.frontend.execution.cpu_scene import CpuScene
 from yasps.frontend.language.attribute import Attribute
 from yasps.frontend.language.connectivity import Connectivity
-from yasps.runtime.ordering import FEWEST_BLOCKS, instance_order
+from yasps.runtime.matrix.ordering import FEWEST_BLOCKS, instance_order
 
 POINTS = FEWEST_BLOCKS + 100
 

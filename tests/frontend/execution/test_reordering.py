@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from yasps import Scene
-from yasps.runtime import block_matrix
+from yasps.runtime.matrix import block_matrix
 
 POINTS = 60
 

@@ -7,7 +7,7 @@ import pytest
 
 from yasps import Attribute, Scene
 from yasps.frontend.errors import DataError, NotConvergedError
-from yasps.runtime.solver import StopReason
+from yasps.runtime.solvers.pcg import StopReason
 from yasps.stepping.newton import NewtonSettings
 
 

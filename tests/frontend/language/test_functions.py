@@ -27,8 +27,8 @@ from yasps import (
 )
 from yasps.backend.reference.interpreter import Interpreter
 from yasps.passes.pipeline import run_pipeline
-from yasps.runtime.library import load_runtime
-from yasps.runtime.toolchain import find_compiler
+from yasps.runtime.build.toolchain import find_compiler
+from yasps.runtime.core.library import load_runtime
 
 N = 11
 RNG = np.random.default_rng(5)

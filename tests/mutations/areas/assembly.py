@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from mutation import Mutation
 
-ASSEMBLY = "tests/runtime/test_assembly.py"
+ASSEMBLY = "tests/runtime/assembly/test_assembler.py"
 DENSE = (f"{ASSEMBLY}::test_assembles_the_dense_sum",)
 SHAPES = (f"{ASSEMBLY}::test_tiles_with_blocks_of_several_shapes",)
 MANY = (f"{ASSEMBLY}::test_many_tiles",)
 CHANGES = (f"{ASSEMBLY}::test_what_pieces_touch_is_found_again_when_indices_change",)
-BORDER = ("tests/runtime/test_assembly_tiles.py",)
-CODE = "runtime/assembly.cpp"
+BORDER = ("tests/runtime/assembly/test_tiles.py",)
+CODE = "runtime/assembly/assembly.cpp"
 
 MUTATIONS = (
     Mutation(
@@ -134,42 +134,42 @@ MUTATIONS = (
     ),
     Mutation(
         "stale marks: new placement indices are not noticed",
-        "runtime/assembly.py",
+        "runtime/assembly/assembler.py",
         "last.kappa is call.kappa",
         "last.kappa.shape == call.kappa.shape",
         (f"{BORDER[0]}::test_new_indices_of_a_gradient_alone_are_noticed",),
     ),
     Mutation(
         "stale marks: new places of the same indices are not noticed",
-        "runtime/assembly.py",
+        "runtime/assembly/assembler.py",
         "and last.position is position",
         "",
         (f"{ASSEMBLY}::test_new_places_for_the_same_indices_are_noticed",),
     ),
     Mutation(
         "every energy is clamped, whatever was asked for",
-        "runtime/assembly.py",
+        "runtime/assembly/assembler.py",
         "int(call.mode),",
         "0,",
         DENSE,
     ),
     Mutation(
         "the last partial pack of instances is not run",
-        "runtime/runtime.h",
+        "runtime/core/runtime.h",
         "const long packs = (instances + kYaspsLanes - 1) / kYaspsLanes;",
         "const long packs = instances / kYaspsLanes;",
         DENSE,
     ),
     Mutation(
         "sums: what rounding took away is not given back",
-        "runtime/evaluation.cpp",
+        "runtime/core/evaluation.cpp",
         "fabs(sum) < INFINITY ? sum + lost : sum;",
         "sum;",
         (f"{ASSEMBLY}::test_sum_is_exact_to_rounding",),
     ),
     Mutation(
         "sums: the error of an addition has the wrong sign",
-        "runtime/evaluation.cpp",
+        "runtime/core/evaluation.cpp",
         "+ (x - other);",
         "- (x - other);",
         (f"{ASSEMBLY}::test_sum_is_exact_to_rounding",),

@@ -12,7 +12,7 @@ POTENTIAL = (f"{GEOMETRY}::test_active_set_reproduces_ipctk_barrier_potential",)
 MOTION = "tests/contact/test_collision_motion.py"
 KEPT = (f"{MOTION}::test_kept_candidates_find_what_ipctk_finds_anew",)
 SAFE = (f"{MOTION}::test_step_bounds_are_ipctks_and_safe", f"{GEOMETRY}::test_step_bound_stops_before_the_ground")
-CODE, PAIRS, NEAR = "yasps/contact/barrier.py", "runtime/close_pairs.cpp", "runtime/near_pairs.cpp"
+CODE, PAIRS, NEAR = "yasps/contact/barrier.py", "runtime/collision/close_pairs.cpp", "runtime/collision/near_pairs.cpp"
 
 MUTATIONS = (
     Mutation(

@@ -6,16 +6,20 @@ from mutation import Mutation
 
 DEVICES = ("tests/properties/test_scenes.py::test_kernels_of_devices",)
 LAYERS = ("tests/properties/test_scenes.py::test_layers_of_layers_on_devices",)
-MATRIX = "tests/runtime/test_cuda_block_matrix.py"
+MATRIX = "tests/runtime/matrix/cuda/test_block_matrix.py"
 POSITIONS = (f"{MATRIX}::test_structure_and_positions_are_those_of_the_cpu",)
-PRODUCT = ("tests/runtime/test_cuda_product.py",)
-SOLVER = "tests/runtime/test_cuda_solver.py"
+PRODUCT = ("tests/runtime/matrix/cuda/test_product.py",)
+SOLVER = "tests/runtime/solvers/cuda/test_pcg.py"
 SOLVES = (f"{SOLVER}::test_solves_as_the_cpu_does",)
-GENERAL = ("tests/runtime/test_cuda_projection.py::test_agrees_with_numpy_and_the_cpu",)
-ISOTROPIC = ("tests/runtime/test_cuda_isotropic.py::test_isotropic",)
+GENERAL = ("tests/runtime/projection/cuda/test_projection.py::test_agrees_with_numpy_and_the_cpu",)
+ISOTROPIC = ("tests/runtime/projection/cuda/test_isotropic.py::test_isotropic",)
 NOT_FINITE = ("tests/backend/cpp/test_not_finite.py::test_on_a_device",)
-STRUCTURE, PCG, MULTIPLY = "runtime/cuda/structure.cu", "runtime/cuda/pcg.cu", "runtime/cuda/multiply.cu"
-GATHER, SHARED = "runtime/cuda/gathered_multiply.cu", "runtime/cuda/solver.cuh"
+STRUCTURE, PCG, MULTIPLY = (
+    "runtime/matrix/cuda/structure.cu",
+    "runtime/solvers/cuda/pcg.cu",
+    "runtime/matrix/cuda/multiply.cu",
+)
+GATHER, SHARED = "runtime/matrix/cuda/gathered_multiply.cu", "runtime/solvers/cuda/solver.cuh"
 
 MUTATIONS = (
     Mutation(
@@ -107,7 +111,7 @@ MUTATIONS = (
         STRUCTURE,
         "for (long p = ranges[2 * start]; p < end; p += q)",
         "for (long p = ranges[2 * start] + q; p < end; p += q)",
-        ("tests/runtime/test_cuda_gradient.py::test_sums_go_in_the_order_of_the_sources",),
+        ("tests/runtime/assembly/cuda/test_gradient.py::test_sums_go_in_the_order_of_the_sources",),
     ),
     Mutation(
         "pcg: beta upside down",
@@ -167,28 +171,28 @@ MUTATIONS = (
     ),
     Mutation(
         "sums: the stride of a grid is that of a block",
-        "runtime/cuda/sum.cu",
+        "runtime/assembly/cuda/sum.cu",
         "i < count; i += threads_of_grid()) sum += values[i];",
         "i < count; i += blockDim.x) sum += values[i];",
-        ("tests/runtime/test_cuda_small_kernels.py::test_sums_of_any_length",),
+        ("tests/runtime/device/test_small_kernels.py::test_sums_of_any_length",),
     ),
     Mutation(
         "preconditioner: a sign in the inverse of the factor",
-        "runtime/cuda/preconditioner.cu",
+        "runtime/solvers/cuda/preconditioner.cu",
         "a[i * q + j] = -sum * a[i * q + i];",
         "a[i * q + j] = sum * a[i * q + i];",
         (f"{SOLVER}::test_block_diagonal_system_takes_one_iteration",),
     ),
     Mutation(
         "preconditioner: the upper triangle is not that of the inverse",
-        "runtime/cuda/preconditioner.cu",
+        "runtime/solvers/cuda/preconditioner.cu",
         "for (int j = 0; j < i; ++j) a[j * q + i] = a[i * q + j];",
         "for (int j = 0; j < i; ++j) a[i * q + j] = a[j * q + i];",
         (f"{SOLVER}::test_block_diagonal_system_takes_one_iteration",),
     ),
     Mutation(
         "preconditioner: the number of a bad block is taken for its first scalar",
-        "runtime/cuda/preconditioner.cu",
+        "runtime/solvers/cuda/preconditioner.cu",
         "(long long)(4 * place.first + status)",
         "(long long)(4 * block + status)",
         (f"{SOLVER}::test_bad_diagonal_block_is_named",),
@@ -258,59 +262,59 @@ MUTATIONS = (
     ),
     Mutation(
         "projection: abs and clamp exchanged",
-        "runtime/cuda/projection.cu",
+        "runtime/projection/cuda/projection.cu",
         "e[count] = d[i] * (flip ? -2.0 : -1.0);",
         "e[count] = d[i] * (flip ? -1.0 : -2.0);",
         GENERAL,
     ),
     Mutation(
         "projection: the reflections' product lacks a sign",
-        "runtime/cuda/projection.cu",
+        "runtime/projection/cuda/projection.cu",
         "sum *= -scale;",
         "sum *= scale;",
         GENERAL,
     ),
     Mutation(
         "projection: the last pivot is not looked at",
-        "runtime/cuda/projection.cu",
+        "runtime/projection/cuda/projection.cu",
         "if (!(pivot > 0.0)) return false;",
         "if (!(pivot > 0.0) && i + 1 < n) return false;",
         GENERAL,
     ),
     Mutation(
         "projection by singular values: flip and twist exchanged",
-        "runtime/cuda/isotropic.cu",
+        "runtime/projection/cuda/isotropic.cu",
         "left_i = (across < 0) == smaller ? uj : uj * -1.0;",
         "left_i = (across < 0) != smaller ? uj : uj * -1.0;",
         ISOTROPIC,
     ),
     Mutation(
         "projection by singular values: eigenvectors of pairs are not of unit length",
-        "runtime/cuda/isotropic.cu",
+        "runtime/projection/cuda/isotropic.cu",
         "mode.squared_norm = 2.0;",
         "mode.squared_norm = 1.0;",
         ISOTROPIC,
     ),
     Mutation(
         "singular values: the third column of U is the second",
-        "runtime/cuda/isotropic.cuh",
+        "runtime/projection/cuda/isotropic.cuh",
         "u.c = cross(u.a, u.b);",
         "u.c = u.b;",
         ISOTROPIC,
     ),
     Mutation(
         "rotations are no rotations",
-        "runtime/cuda/three_by_three.cuh",
+        "runtime/projection/cuda/three_by_three.cuh",
         "q = q * r.cosine - old * r.sine;",
         "q = q * r.cosine + old * r.sine;",
         ISOTROPIC,
     ),
     Mutation(
         "indices from others: the number of instances is a valid one",
-        "runtime/cuda/check_indices.cu",
+        "runtime/device/cuda/check_indices.cu",
         "indices[k] >= most)",
         "indices[k] > most)",
-        ("tests/runtime/test_cuda_small_kernels.py::test_indices_from_others",),
+        ("tests/runtime/device/test_small_kernels.py::test_indices_from_others",),
     ),
     Mutation(
         "kernels: the last entry may be infinite",

@@ -4,17 +4,17 @@ from __future__ import annotations
 
 from mutation import Mutation
 
-GENERAL = "tests/runtime/test_projection.py"
+GENERAL = "tests/runtime/projection/test_projection.py"
 NUMPY = (f"{GENERAL}::test_agrees_with_numpy",)
 MANY = (f"{GENERAL}::test_many_packs_of_which_some_matrices_fail", f"{GENERAL}::test_any_number_of_failing_matrices")
-ISOTROPIC = "tests/runtime/test_isotropic.py"
+ISOTROPIC = "tests/runtime/projection/test_isotropic.py"
 BY_SINGULAR_VALUES = (f"{ISOTROPIC}::test_agrees_with_numpy",)
-CODE, CHECK = "runtime/negative_part.cpp", "runtime/semidefinite_check.h"
+CODE, CHECK = "runtime/projection/negative_part.cpp", "runtime/projection/semidefinite_check.h"
 
 MUTATIONS = (
     Mutation(
         "matrices with small negative eigenvalues pass",
-        "runtime/runtime.h",
+        "runtime/core/runtime.h",
         "constexpr double kProjectionShift = 1e-13;",
         "constexpr double kProjectionShift = 1e-4;",
         NUMPY,
@@ -52,7 +52,7 @@ MUTATIONS = (
         CODE,
         "    t->has_product = true;\n",
         "",
-        ("tests/runtime/test_projection_builds.py",),
+        ("tests/runtime/projection/test_projection_builds.py",),
     ),
     Mutation(
         "numbers are not scaled before they are squared",
@@ -73,7 +73,7 @@ MUTATIONS = (
         CHECK,
         "return bits_of_eight(~(check.passed & safe));",
         "return bits_of_eight(~check.passed);",
-        ("tests/runtime/test_borderline_matrices.py::test_negative_numbers_next_to_the_smallest_there_are",),
+        ("tests/runtime/projection/test_borderline_matrices.py::test_negative_numbers_next_to_the_smallest_there_are",),
     ),
     Mutation(
         "matrices of a second pack take the slots of the first",
@@ -119,42 +119,42 @@ MUTATIONS = (
     ),
     Mutation(
         "by singular values: eigenvectors of pairs are not of unit length",
-        "runtime/isotropic.cpp",
+        "runtime/projection/isotropic.cpp",
         "eigenvalue * (-factor / squared_norm)",
         "eigenvalue * -factor",
         BY_SINGULAR_VALUES,
     ),
     Mutation(
         "by singular values: flip and twist exchanged",
-        "runtime/isotropic.cpp",
+        "runtime/projection/isotropic.cpp",
         "with_sign(constant<Eight>(1), Eight{} - across)",
         "with_sign(constant<Eight>(1), across)",
         BY_SINGULAR_VALUES,
     ),
     Mutation(
         "by singular values: entries beside the diagonal exchanged",
-        "runtime/isotropic.cpp",
+        "runtime/projection/isotropic.cpp",
         "same.opposite[0] = (y + z - x) * 0.5;",
         "same.opposite[0] = (x + z - y) * 0.5;",
         BY_SINGULAR_VALUES,
     ),
     Mutation(
         "by singular values: of a 3x2 F the last two eigenvalues are one",
-        "runtime/isotropic.cpp",
+        "runtime/projection/isotropic.cpp",
         "found.last[1] = dot(u.c[2], right[1]);",
         "found.last[1] = dot(u.c[2], right[0]);",
         BY_SINGULAR_VALUES,
     ),
     Mutation(
         "by singular values: abs is clamp",
-        "runtime/isotropic.cpp",
+        "runtime/projection/isotropic.cpp",
         "modes.factor = flip ? 2 : 1;",
         "modes.factor = 1;",
         BY_SINGULAR_VALUES,
     ),
     Mutation(
         "by singular values: the threshold is positive",
-        "runtime/isotropic.cpp",
+        "runtime/projection/isotropic.cpp",
         "less(smallest_eigenvalue(blocks[k]), trace * -kProjectionShift);",
         "less(smallest_eigenvalue(blocks[k]), trace * 0.1);",
         (
@@ -164,21 +164,21 @@ MUTATIONS = (
     ),
     Mutation(
         "singular values: the third column of U is the second",
-        "runtime/singular_values.h",
+        "runtime/projection/singular_values.h",
         "u.c[2] = cross(u.c[0], u.c[1]);",
         "u.c[2] = u.c[1];",
         BY_SINGULAR_VALUES,
     ),
     Mutation(
         "singular values: V is not turned along",
-        "runtime/singular_values.h",
+        "runtime/projection/singular_values.h",
         "    turn(v.c[kTurned], v.c[kTurned + 1], r);\n",
         "",
         BY_SINGULAR_VALUES,
     ),
     Mutation(
         "singular values: columns of next to no length are divided by it",
-        "runtime/singular_values.h",
+        "runtime/projection/singular_values.h",
         "    if (any(thin)) replace_thin(a, thin, u);\n",
         "",
         (f"{ISOTROPIC}::test_agrees_with_numpy", f"{ISOTROPIC}::test_unusual_matrices_where_nearly_all_fail"),

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from mutation import Mutation
 
-SOLVER = "tests/runtime/test_solver.py"
+SOLVER = "tests/runtime/solvers/test_pcg.py"
 TEXTBOOK = (f"{SOLVER}::test_residuals_are_those_of_textbook_pcg",)
 ONE_ITERATION = (f"{SOLVER}::test_block_diagonal_system_takes_one_iteration",)
-DIRECT = "tests/runtime/test_direct_solver.py"
-CODE, PRECONDITIONER = "runtime/pcg.cpp", "runtime/preconditioner.cpp"
+DIRECT = "tests/runtime/solvers/test_direct.py"
+CODE, PRECONDITIONER = "runtime/solvers/pcg.cpp", "runtime/solvers/preconditioner.cpp"
 
 MUTATIONS = (
     Mutation(
@@ -100,7 +100,9 @@ MUTATIONS = (
         PRECONDITIONER,
         "if (pivot <= 4e-16 * q * before || pivot <= 0) return kIndefinite;",
         "if (pivot <= 0) return kIndefinite;",
-        ("tests/runtime/test_borderline_matrices.py::test_projections_whose_last_pivot_is_a_rounding_error",),
+        (
+            "tests/runtime/projection/test_borderline_matrices.py::test_projections_whose_last_pivot_is_a_rounding_error",
+        ),
     ),
     Mutation(
         "preconditioner: a row of the inverse meets the wrong entry",
@@ -111,37 +113,37 @@ MUTATIONS = (
     ),
     Mutation(
         "direct: SuperLU gets the upper triangle only",
-        "runtime/direct_solver.py",
+        "runtime/solvers/direct.py",
         "sparse.csc_matrix(matrix + sparse.triu(matrix, 1).T)",
         "sparse.csc_matrix(matrix)",
         (f"{DIRECT}::test_solves_sum_of_parts",),
     ),
     Mutation(
         "direct: pivots that are not positive pass",
-        "runtime/direct_solver.py",
+        "runtime/solvers/direct.py",
         "(factors.perm_r != order) | ~(pivots[order] > 0)",
         "(factors.perm_r != order)",
         (f"{DIRECT}::test_indefinite_matrix_names_a_block",),
     ),
     Mutation(
         "direct: of two symmetric blocks the lower one is left out",
-        "runtime/direct_solver.py",
+        "runtime/solvers/direct.py",
         "np.repeat(i != j, r * c)",
         "np.repeat(i < j, r * c)",
-        ("tests/runtime/test_reordering.py::test_solvers_work_in_any_order",),
+        ("tests/runtime/matrix/test_reordering.py::test_solvers_work_in_any_order",),
     ),
     Mutation(
         "direct: another sparsity of the same size is not noticed",
-        "runtime/direct_solver.py",
+        "runtime/solvers/direct.py",
         "a[2:] == b[2:] and np.array_equal(a[0], b[0]) and np.array_equal(a[1], b[1])",
         "a[2:] == b[2:] and len(a[0]) == len(b[0])",
-        ("tests/runtime/test_borderline_matrices.py::test_blocks_of_the_same_number_at_other_places",),
+        ("tests/runtime/projection/test_borderline_matrices.py::test_blocks_of_the_same_number_at_other_places",),
     ),
     Mutation(
         "auto: the direct solver gets one system too many",
-        "runtime/solver_choice.py",
+        "runtime/solvers/choice.py",
         "self._direct_left = DIRECT_SOLVES - 1",
         "self._direct_left = DIRECT_SOLVES",
-        ("tests/runtime/test_solver_choice.py::test_auto_falls_back_and_comes_again",),
+        ("tests/runtime/solvers/test_choice.py::test_auto_falls_back_and_comes_again",),
     ),
 )

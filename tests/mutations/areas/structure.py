@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from mutation import Mutation
 
-MATRIX = "tests/runtime/test_block_matrix.py"
+MATRIX = "tests/runtime/matrix/test_block_matrix.py"
 SUM = (f"{MATRIX}::test_assembled_matrix_is_the_dense_sum",)
 ORDER = (f"{MATRIX}::test_groups_hold_each_block_once_in_order",)
 PRODUCT = (f"{MATRIX}::test_product_of_every_shape",)
-REORDERED = ("tests/runtime/test_reordering.py",)
-CODE, MULTIPLY = "runtime/block_matrix.cpp", "runtime/multiply.cpp"
+REORDERED = ("tests/runtime/matrix/test_reordering.py",)
+CODE, MULTIPLY = "runtime/matrix/block_matrix.cpp", "runtime/matrix/multiply.cpp"
 
 MUTATIONS = (
     Mutation(
@@ -59,7 +59,7 @@ MUTATIONS = (
         CODE,
         "if (col == row) s.diagonal[row] = offset;",
         "if (col < row) s.diagonal[row] = offset;",
-        ("tests/runtime/test_solver.py::test_solves_sum_of_parts",),
+        ("tests/runtime/solvers/test_pcg.py::test_solves_sum_of_parts",),
     ),
     Mutation(
         "a block's column in padded vectors is its row's",
@@ -87,7 +87,10 @@ MUTATIONS = (
         CODE,
         "layout.padded_start[share.last_col + 1]",
         "layout.padded_start[share.last_col]",
-        ("tests/runtime/test_determinism.py::test_product", f"{MATRIX}::test_assembled_matrix_is_the_dense_sum"),
+        (
+            "tests/runtime/assembly/test_determinism.py::test_product",
+            f"{MATRIX}::test_assembled_matrix_is_the_dense_sum",
+        ),
     ),
     Mutation(
         "the order of dof blocks is not followed",

@@ -1,0 +1,1 @@
+"""Local derivatives to global ones, on a device."""

@@ -1,0 +1,1 @@
+"""Compilers, linkers and the cache of what they make."""

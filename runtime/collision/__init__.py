@@ -1,0 +1,1 @@
+"""Close pairs and continuous collision detection."""

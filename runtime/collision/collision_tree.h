@@ -1,0 +1,200 @@
+// Bounding volume trees of surface pieces: vertices, edges or triangles that move straight from one place to another.
+//
+// A node keeps a box around where its pieces start and one around how they move. Two boxes are tested by sweeping one
+// along their relative motion, so that pieces which move together are as far apart as at rest. Boxes are in single
+// precision; the distance asked for makes up for the rounding.
+#pragma once
+
+#include <algorithm>
+
+#include "collision/pair_distance.h"
+#include "core/runtime.h"
+
+namespace yasps {
+
+// The fourth number of each is not part of the box.
+typedef float f4 __attribute__((vector_size(16)));
+typedef int i4 __attribute__((vector_size(16)));
+inline f4 smaller(f4 a, f4 b) { return a < b ? a : b; }
+inline f4 larger(f4 a, f4 b) { return a > b ? a : b; }
+
+struct Box {
+    f4 lower, upper;      // around where its pieces start
+    f4 slowest, fastest;  // around how they move
+
+    void include(const Box& other) {
+        lower = smaller(lower, other.lower), upper = larger(upper, other.upper);
+        slowest = smaller(slowest, other.slowest), fastest = larger(fastest, other.fastest);
+    }
+    // The largest number that a start or an end in it has.
+    float largest() const {
+        float size = 0;
+        for (int k = 0; k < 3; ++k)
+            size = std::max({size, fabsf(lower[k]) + fabsf(slowest[k]), fabsf(upper[k]) + fabsf(fastest[k])});
+        return size;
+    }
+};
+inline Box box_of(Point start, Point end) {
+    const Point way = end - start;
+    const f4 from = {static_cast<float>(start.x), static_cast<float>(start.y), static_cast<float>(start.z), 0};
+    const f4 along = {static_cast<float>(way.x), static_cast<float>(way.y), static_cast<float>(way.z), 0};
+    return {from, from, along, along};
+}
+
+// Whether what both boxes hold may come within `reach` of each other, in all coordinates.
+inline bool may_meet(const Box& a, const Box& b, float reach) {
+    const f4 zero = {0, 0, 0, 0};
+    const f4 lower = a.lower + smaller(zero, a.slowest - b.fastest);
+    const f4 upper = a.upper + larger(zero, a.fastest - b.slowest);
+    const i4 apart = (lower > b.upper + reach) | (upper < b.lower - reach);
+    return !(apart[0] | apart[1] | apart[2]);
+}
+
+// The boxes of up to eight pieces that lie near each other, coordinate by coordinate.
+constexpr int kBlock = 8;
+typedef float f8 __attribute__((vector_size(32)));
+typedef int i8 __attribute__((vector_size(32)));
+struct Block {
+    f8 lower[3], upper[3], slowest[3], fastest[3];
+
+    void clear() {  // boxes that meet nothing
+        for (int k = 0; k < 3; ++k) {
+            lower[k] = f8{} + INFINITY, upper[k] = f8{} - INFINITY;
+            slowest[k] = fastest[k] = f8{};
+        }
+    }
+    void set(int place, const Box& box) {
+        for (int k = 0; k < 3; ++k) {
+            lower[k][place] = box.lower[k], upper[k][place] = box.upper[k];
+            slowest[k][place] = box.slowest[k], fastest[k][place] = box.fastest[k];
+        }
+    }
+    // Nonzero where a box is farther than `reach` from the one at `place` of `other`, as may_meet.
+    i8 apart_from(const Block& other, int place, float reach) const {
+        i8 apart = {};
+        for (int k = 0; k < 3; ++k) {
+            const f8 back = slowest[k] - other.fastest[k][place], ahead = fastest[k] - other.slowest[k][place];
+            apart |= lower[k] + (back < 0 ? back : f8{}) > other.upper[k][place] + reach;
+            apart |= upper[k] + (ahead > 0 ? ahead : f8{}) < other.lower[k][place] - reach;
+        }
+        return apart;
+    }
+};
+
+// Some nodes' pieces: a leaf's are one block. A node's children follow it, the first half of its blocks, then the rest;
+// so no links are needed.
+struct Branch {
+    long node;
+    int block, blocks;
+
+    bool is_leaf() const { return blocks == 1; }
+    Branch first() const { return {node + 1, block, blocks / 2}; }
+    Branch second() const { return {node + 2 * (blocks / 2), block + blocks / 2, blocks - blocks / 2}; }
+};
+
+// One kind of pieces, each of `arity` vertices.
+struct Tree {
+    struct Node {
+        Box box;
+        int label;  // of all its pieces, or -1 where they differ
+    };
+    int arity = 0;
+    int count = 0;
+    Buffer<int> vertices;       // [count, arity], in the order of the blocks
+    Buffer<int> label;          // [count]: of all its vertices, or -1 where they differ
+    Buffer<int> order, before;  // [count] and [count, arity], only while a better order is made
+    Buffer<Point> middle;       // [count], the same
+    Buffer<Node> nodes;         // [2 blocks - 1], depth first
+    Buffer<Block> blocks;       // [blocks]
+
+    int block_count() const { return (count + kBlock - 1) / kBlock; }
+    int end_of(int block) const { return std::min(count, kBlock * block); }
+    const int* at(int k) const { return &vertices[static_cast<long>(k) * arity]; }
+
+    // False: out of memory. labels: of all vertices.
+    bool take(const int* given, int n, int each, const int* labels) {
+        arity = each, count = n;
+        const long numbers = static_cast<long>(n) * each;
+        if (!vertices.reserve(numbers) || !label.reserve(n) || !order.reserve(n) || !before.reserve(numbers) ||
+            !middle.reserve(n) || !nodes.reserve(2L * block_count()) || !blocks.reserve(block_count()))
+            return false;
+        std::copy_n(given, numbers, vertices.data);
+        for (int k = 0; k < n; ++k) {
+            label[k] = labels[at(k)[0]];
+            for (int c = 1; c < each; ++c)
+                if (labels[at(k)[c]] != label[k]) label[k] = -1;
+        }
+        return true;
+    }
+
+    // Sorts the pieces so that those near each other share blocks and nodes; any order is correct.
+    void sort(const Point* x) {
+        for (int k = 0; k < count; ++k) {
+            Point sum = {0, 0, 0};
+            for (int c = 0; c < arity; ++c) sum = sum + x[at(k)[c]];
+            middle[k] = (1.0 / arity) * sum;
+            order[k] = k;
+        }
+        halve({0, 0, block_count()});
+        std::copy_n(vertices.data, static_cast<long>(count) * arity, before.data);
+        for (int k = 0; k < count; ++k)
+            std::copy_n(&before[static_cast<long>(order[k]) * arity], arity, &vertices[static_cast<long>(k) * arity]);
+        std::copy_n(label.data, count, before.data);
+        for (int k = 0; k < count; ++k) label[k] = before[order[k]];
+    }
+
+    void fit(const Point* start, const Point* end) {
+        if (count > 0) fit({0, 0, block_count()}, start, end);
+    }
+
+  private:
+    void halve(Branch branch) {
+        if (branch.blocks < 2) return;
+        const int begin = kBlock * branch.block, end = end_of(branch.block + branch.blocks);
+        Point lower = middle[order[begin]], upper = lower;
+        for (int k = begin + 1; k < end; ++k) {
+            const Point m = middle[order[k]];
+            lower = {std::min(lower.x, m.x), std::min(lower.y, m.y), std::min(lower.z, m.z)};
+            upper = {std::max(upper.x, m.x), std::max(upper.y, m.y), std::max(upper.z, m.z)};
+        }
+        const Point size = upper - lower;
+        double Point::* axis = size.x >= size.y ? &Point::x : &Point::y;
+        if (size.z >= size.*axis) axis = &Point::z;
+        std::nth_element(order.data + begin, order.data + kBlock * branch.second().block, order.data + end,
+                         [&](int a, int b) {
+                             const double left = middle[a].*axis, right = middle[b].*axis;
+                             return left < right || (left == right && a < b);
+                         });
+        halve(branch.first()), halve(branch.second());
+    }
+
+    void fit(Branch branch, const Point* start, const Point* end) {
+        Node& here = nodes[branch.node];
+        if (branch.is_leaf()) return fit_leaf(branch.block, &here, start, end);
+        fit(branch.first(), start, end), fit(branch.second(), start, end);
+        const Node &a = nodes[branch.first().node], &b = nodes[branch.second().node];
+        here.box = a.box;
+        here.box.include(b.box);
+        here.label = a.label == b.label ? a.label : -1;
+    }
+
+    void fit_leaf(int at_block, Node* here, const Point* start, const Point* end) {
+        Block& block = blocks[at_block];
+        block.clear();
+        const int begin = kBlock * at_block;
+        for (int k = begin; k < end_of(at_block + 1); ++k) {
+            const int* const ids = at(k);
+            Box box = box_of(start[ids[0]], end[ids[0]]);
+            for (int c = 1; c < arity; ++c) box.include(box_of(start[ids[c]], end[ids[c]]));
+            block.set(k - begin, box);
+            if (k == begin) {
+                *here = {box, label[k]};
+            } else {
+                here->box.include(box);
+                if (label[k] != here->label) here->label = -1;
+            }
+        }
+    }
+};
+
+}  // namespace yasps

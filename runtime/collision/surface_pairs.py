@@ -1,0 +1,144 @@
+"""Pairs of surface pieces that may come close, the close ones by distance formula, and how far a step may go.
+
+For a surface of vertices, edges and triangles that move in straight lines. Positions are float64 [n, 3], C-contiguous;
+pairs are int32 [p, 4]: the ends of two edges, or a vertex and the corners of a triangle.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import weakref
+from dataclasses import dataclass
+
+import numpy as np
+
+from yasps.runtime.core.library import FloatArray, IntArray, Runtime, check_status
+from yasps.runtime.core.uncopied import Uncopied
+
+KINDS = 7
+"""Kinds of close pairs, in the order of `Kind` in close_pairs.cpp."""
+_RECORD = np.dtype([("kind", "i4"), ("vertices", "i4", (4,)), ("unused", "i4"), ("weight", "f8"), ("threshold", "f8")])
+_SEARCHES_PER_ORDER = 16
+"""How many searches use one order of the trees: a better one costs as much as a few searches in a bad one."""
+_FEW = 256
+"""Surfaces with fewer vertices are searched before a second thread has woken up."""
+
+
+@dataclass(frozen=True)
+class SurfacePairs:
+    """Pairs of pieces of a surface."""
+
+    edge_edge: IntArray
+    vertex_triangle: IntArray
+
+    def __len__(self) -> int:
+        return len(self.edge_edge) + len(self.vertex_triangle)
+
+
+@dataclass(frozen=True)
+class ClosePairs:
+    """Pairs of one kind, sorted by their vertices. vertices: int32 [n, 4], 0 in places that the kind does not use.
+    weight, threshold: float64 [n]; see `ActiveSet` in yasps/contact/active_set.py."""
+
+    vertices: IntArray
+    weight: FloatArray
+    threshold: FloatArray
+
+
+class Surface(Uncopied):
+    """The pieces of a surface, in bounding volume trees."""
+
+    def __init__(
+        self, runtime: Runtime, vertices: IntArray, edges: IntArray, triangles: IntArray, labels: IntArray
+    ) -> None:
+        """Take int32 vertex ids [v], [e, 2], [t, 3], and a label for each vertex of the scene, int32 [n].
+
+        Pieces whose vertices all have the same label >= 0 do not meet other such pieces with that label.
+        """
+        self._runtime = runtime
+        self._searches = 0
+        self.vertices = np.ascontiguousarray(vertices, np.int32)
+        own = [np.ascontiguousarray(part, np.int32) for part in (edges, triangles, labels)]
+        handle = runtime.library.yasps_surface_new(
+            self.vertices.ctypes.data,
+            len(self.vertices),
+            own[0].ctypes.data,
+            len(own[0]),
+            own[1].ctypes.data,
+            len(own[1]),
+            own[2].ctypes.data,
+        )
+        if not handle:
+            raise MemoryError("no memory for the trees of a surface")
+        self._handle: int = handle
+        weakref.finalize(self, runtime.library.yasps_surface_free, handle)
+
+    def find(self, start: FloatArray, end: FloatArray, reach: float) -> SurfacePairs:
+        """All pairs without a common vertex that may come within `reach` on the straight way; and some that do not."""
+        counts = (ctypes.c_long * 2)()
+        sort = self._searches % _SEARCHES_PER_ORDER == 0
+        self._searches += 1
+        library = self._runtime.library
+        threads = self._runtime.thread_count(None) if len(self.vertices) >= _FEW else 1
+        status = library.yasps_surface_find(
+            self._handle, start.ctypes.data, end.ctypes.data, reach, int(sort), counts, threads
+        )
+        check_status(status)
+        pairs = SurfacePairs(np.empty((counts[0], 4), np.int32), np.empty((counts[1], 4), np.int32))
+        library.yasps_surface_pairs(self._handle, pairs.edge_edge.ctypes.data, pairs.vertex_triangle.ctypes.data)
+        return pairs
+
+    def distance_to_way(self, start: FloatArray, end: FloatArray, positions: FloatArray) -> float:
+        """The largest distance of a vertex at `positions` from where it is on the straight way, all at the same time;
+        the best time for all."""
+        distance = ctypes.c_double()
+        self._runtime.library.yasps_distance_to_way(
+            start.ctypes.data,
+            end.ctypes.data,
+            positions.ctypes.data,
+            self.vertices.ctypes.data,
+            len(self.vertices),
+            ctypes.addressof(distance),
+        )
+        return distance.value
+
+    def close_pairs(
+        self, positions: FloatArray, rest: FloatArray, reach: float, pairs: SurfacePairs
+    ) -> tuple[list[ClosePairs], float]:
+        """Those of the pairs that are closer than `reach`, one entry for each kind, and the least distance.
+
+        rest: positions whose edge lengths say where edges count as parallel. Equal entries come once, with their
+        number as weight.
+        """
+        found = np.empty(len(pairs), _RECORD)
+        ends = (ctypes.c_long * KINDS)()
+        squared = ctypes.c_double()
+        self._runtime.library.yasps_close_pairs(
+            positions.ctypes.data,
+            rest.ctypes.data,
+            reach,
+            *_addresses(pairs),
+            found.ctypes.data,
+            ends,
+            ctypes.addressof(squared),
+        )
+        kinds = []
+        begin = 0
+        for end in ends:
+            part = found[begin:end]
+            kinds.append(ClosePairs(part["vertices"], part["weight"].copy(), part["threshold"].copy()))
+            begin = end
+        return kinds, float(np.sqrt(squared.value))
+
+    def step_bound(self, start: FloatArray, end: FloatArray, touching: float, pairs: SurfacePairs) -> float | None:
+        """The largest step in [0, 1] from start straight towards end at which every pair still has a tenth of its
+        distance, to 1 %; None if one is within `touching` at the start."""
+        step = float(
+            self._runtime.library.yasps_step_bound(start.ctypes.data, end.ctypes.data, touching, *_addresses(pairs))
+        )
+        return step if step >= 0 else None
+
+
+def _addresses(pairs: SurfacePairs) -> tuple[int, int, int, int]:
+    edges, triangles = pairs.edge_edge, pairs.vertex_triangle
+    return edges.ctypes.data, len(edges), triangles.ctypes.data, len(triangles)

@@ -1,0 +1,1 @@
+"""The compiled runtime and what all of its parts share."""

@@ -1,0 +1,1 @@
+"""Devices: memory, launches, arrays of other libraries."""

@@ -1,0 +1,1 @@
+"""The block-sparse symmetric matrix on a device."""

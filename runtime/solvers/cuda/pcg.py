@@ -1,0 +1,262 @@
+"""Preconditioned conjugate gradients on a device, with all vectors and scalars there."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from yasps.runtime.core.library import IntArray, LongArray
+from yasps.runtime.device.protocol import Device, DeviceArray, Graph, LoadedProgram, blocks_for_sum
+from yasps.runtime.matrix.cuda.block_matrix import CudaBlockMatrix
+from yasps.runtime.matrix.cuda.build import BuildScratch
+from yasps.runtime.matrix.cuda.product import THREADS, GatheredProduct, Launch, Product, ScatteredProduct
+from yasps.runtime.solvers.pcg import SolveReport, StopReason
+
+# As in solver.cuh.
+_STATE = np.dtype(
+    [(name, np.float64) for name in ("squared", "reference", "relative", "step")]
+    + [(name, np.int64) for name in ("iteration", "reason", "verdict", "block")]
+)
+_SETTINGS = np.dtype([("tolerance", np.float64), ("max_iterations", np.int64), ("history", np.int64)])
+_REASON = 40  # offset of State.reason
+_RUNNING = -1
+
+
+class CudaSolver:
+    """Conjugate gradients with block-Jacobi preconditioner on a device; `PcgSolver` says what is computed.
+
+    Owns the solver's vectors; keep one and use it for every solve. Iterations are launched as a recorded graph of some
+    of them; after each the host reads 64 bytes to learn whether the solve is over. Those of a graph that come after the
+    last one do nothing, so solution and count are those of a solver that looks after every iteration.
+    """
+
+    def __init__(
+        self,
+        device: Device,
+        program: LoadedProgram,
+        *,
+        deterministic: bool = False,
+        iterations_per_check: int = 24,
+        scratch: BuildScratch | None = None,
+    ) -> None:
+        """Make a solver without memory; the first solve gets it.
+
+        program: holds the kernels of runtime/cuda. deterministic: the same bits in every run, for a product that reads
+        most blocks twice. iterations_per_check: an even number of iterations that are launched at once. scratch: shares
+        memory with builds on this device (`CudaBlockMatrix`), for `deterministic`. Raises ValueError for an odd number.
+        """
+        if iterations_per_check < 2 or iterations_per_check % 2:
+            raise ValueError(f"iterations_per_check is {iterations_per_check}; it must be even and at least 2")
+        self._device, self._program = device, program
+        self._iterations = iterations_per_check
+        self._product: Product = (
+            GatheredProduct(device, program, scratch) if deterministic else ScatteredProduct(device)
+        )
+
+        def vector(purpose: str) -> DeviceArray:
+            return DeviceArray(device, np.float64, purpose)
+
+        self._x = vector("solution of a linear system")
+        self._residuals = vector("residuals of a linear system")
+        self._direction = vector("direction of a solver")
+        self._preconditioned = vector("preconditioned residual of a solver")
+        self._q = vector("product of a solver")
+        self._inverse = vector("inverted diagonal blocks")
+        self._partial = vector("partial sums of a solver")
+        self._history = vector("history of a solver")
+        self._states = DeviceArray(device, _STATE, "state of a solver")
+        self._settings = DeviceArray(device, _SETTINGS, "settings of a solver")
+        self._worst = DeviceArray(device, np.int64, "diagonal block that cannot be inverted")
+        self._diagonals = DeviceArray(device, np.int64, "table of diagonal blocks")
+        self._runs = DeviceArray(device, np.int64, "table of dof blocks")
+        self._sent_runs: LongArray | None = None
+        self._recorded: list[Launch] = []
+        self._graph: Graph | None = None
+
+    def solve(
+        self,
+        parts: Sequence[CudaBlockMatrix],
+        g: DeviceArray,
+        tolerance: float = 1e-4,
+        max_iterations: int = 10_000,
+        x0: DeviceArray | None = None,
+        *,
+        with_history: bool = False,
+    ) -> tuple[DeviceArray, SolveReport]:
+        """Solve (sum of parts) x = g; the Newton step of an energy with gradient g is -x.
+
+        All arguments mean what they mean for `PcgSolver.solve`; g and x0 are float64 [unknowns] on the device. Returns
+        x on the device, which the next solve overwrites (it may be that one's x0), and the report. Raises ValueError
+        for arguments that do not fit together, DeviceMemoryError.
+        """
+        _check_parts(parts)
+        if not tolerance >= 0:
+            raise ValueError(f"tolerance is {tolerance}; it must not be negative")
+        if max_iterations < 0:
+            raise ValueError(f"max_iterations is {max_iterations}; it must not be negative")
+        size = parts[0].size
+        _check_vector(g, size, "g")
+        if size and g.address == self._x.address:
+            raise ValueError("g is the solution that an earlier solve returned; this solve would overwrite it: copy it")
+        if x0 is not None:
+            _check_vector(x0, size, "x0")
+        if size == 0:
+            return self._x.resize(0), SolveReport(StopReason.CONVERGED, 0, 0.0, None, () if with_history else None)
+        self._prepare(parts)
+        if with_history:
+            self._history.upload(np.full(max_iterations + 1, np.nan))
+        history = self._history.address if with_history else 0
+        self._settings.upload(np.array([(tolerance, max_iterations, history)], _SETTINGS))
+        self._start(parts, g, x0)
+        state = self._iterate(size)
+        if state["reason"] == StopReason.CONVERGED.value and state["reference"] == 0:
+            self._x.clear()  # g = 0, whatever the start
+        return self._x, self._report(state, with_history)
+
+    def multiply(self, parts: Sequence[CudaBlockMatrix], x: DeviceArray, y: DeviceArray) -> None:
+        """y = (sum of parts) x; x is float64 [unknowns], y another array, which gets that shape. Raises ValueError."""
+        _check_parts(parts)
+        size = parts[0].size
+        _check_vector(x, size, "x")
+        if y is x or y.dtype != np.float64:
+            raise ValueError("y must be another array of float64 than x")
+        self._product.prepare(parts)
+        y.resize(size).clear()
+        self._do(self._product.launches(x.address, y.address, 0))
+
+    def _blocks(self, size: int) -> int:
+        """Of a kernel over all unknowns."""
+        return blocks_for_sum(self._device, size)
+
+    def _prepare(self, parts: Sequence[CudaBlockMatrix]) -> None:
+        """Memory and tables."""
+        size = parts[0].size
+        self._product.prepare(parts)
+        self._send_runs(parts[0].boundaries, parts[0].block_sizes)
+        for vector in (self._x, self._direction, self._preconditioned, self._q):
+            vector.resize(size)
+        self._residuals.resize(2, size)
+        self._partial.resize(4 * self._blocks(size))
+        self._states.resize(2)
+        self._worst.resize(1)
+        self._diagonals.upload(np.array([(part.values.address, part.diagonal.address) for part in parts], np.int64))
+
+    def _send_runs(self, boundaries: LongArray, block_sizes: IntArray) -> None:
+        """Makes room for the inverted diagonal blocks and says where they lie."""
+        runs: list[list[int]] = []
+        inverse = 0
+        for begin, end, q in zip(boundaries[:-1].tolist(), boundaries[1:].tolist(), block_sizes.tolist(), strict=True):
+            if begin != end and (not runs or runs[-1][1] != q):
+                runs.append([begin, q, inverse])
+            inverse += (end - begin) * q
+        table = np.array(runs, np.int64)
+        if self._sent_runs is None or not np.array_equal(table, self._sent_runs):
+            self._sent_runs = None
+            self._runs.upload(table)
+            self._sent_runs = table
+        self._inverse.resize(inverse)
+
+    def _start(self, parts: Sequence[CudaBlockMatrix], g: DeviceArray, x0: DeviceArray | None) -> None:
+        """Everything before the first iteration."""
+        part = parts[0]
+        size, threads = part.size, THREADS * self._blocks(part.size)
+        x, q, partial, worst = self._x.address, self._q.address, self._partial.address, self._worst.address
+        runs, inverse = (self._runs.address, self._runs.shape[0]), self._inverse.address
+        start = x0.address if x0 is not None else 0
+        blocks = part.block_start.size
+        diagonals = (self._diagonals.address, len(parts), part.block_start.address, blocks)
+        launches = [
+            Launch("yasps_pcg_prepare", threads, (g.address, start, size, x, q, partial, worst)),
+            Launch("yasps_invert_diagonal", blocks, (*diagonals, *runs, inverse, worst)),
+        ]
+        if x0 is not None:
+            launches += self._product.launches(x, q, 0)
+        vectors = (self._residuals.address, self._direction.address)
+        settings = (self._settings.address, self._states.address)
+        launches += [
+            Launch("yasps_pcg_start", threads, (g.address, q, *runs, inverse, size, *vectors, partial)),
+            Launch("yasps_pcg_begin", THREADS, (partial, self._blocks(size), worst, *settings)),
+        ]
+        self._do(launches)
+        if x0 is not None:
+            self._q.clear()
+
+    def _iterate(self, size: int) -> np.void:
+        """Runs iterations until the state says that they are over, and returns it."""
+        first = self._iteration(size, 0)
+        if self._graph is None or first != self._recorded:
+            self._graph = None
+            pair = [*first, *self._iteration(size, 1)]
+            # Once directly, so that all kernels are loaded and the device has work while the graph is made.
+            self._do(pair)
+            self._graph = self._device.record(lambda: self._do(pair * (self._iterations // 2)))
+            self._recorded = first
+        states = np.empty(1, _STATE)
+        while True:
+            self._graph.launch()
+            self._device.download(self._states.address, states)
+            if states[0]["reason"] != _RUNNING:
+                state: np.void = states[0]
+                return state
+
+    def _do(self, launches: Sequence[Launch]) -> None:
+        for launch in launches:
+            launch.do(self._device, self._program)
+
+    def _iteration(self, size: int, odd: int) -> list[Launch]:
+        """The launches of one iteration. Odd ones swap the two states and the two residuals."""
+        threads = THREADS * self._blocks(size)
+        states = [self._states.address, self._states.address + _STATE.itemsize]
+        residuals = [self._residuals.address, self._residuals.address + 8 * size]
+        now, after, r, next_r = states[odd], states[1 - odd], residuals[odd], residuals[1 - odd]
+        p, q, z = self._direction.address, self._q.address, self._preconditioned.address
+        curvatures = self._partial.address
+        squares = curvatures + 8 * self._blocks(size)
+        preconditioner = (self._runs.address, self._runs.shape[0], self._inverse.address)
+        update = (now, after, self._settings.address, squares, z, size, self._x.address, p, q)
+        return [
+            *self._product.launches(p, q, now + _REASON),
+            Launch("yasps_pcg_curvature", threads, (now, p, q, size, curvatures)),
+            Launch("yasps_pcg_step", threads, (now, curvatures, r, q, *preconditioner, size, next_r, z, squares)),
+            Launch("yasps_pcg_direction", threads, update),
+        ]
+
+    def _report(self, state: np.void, with_history: bool) -> SolveReport:
+        trace: tuple[float, ...] | None = None
+        iterations = int(state["iteration"])
+        if with_history:
+            recorded = self._history.download()[: iterations + 1]
+            trace = tuple(recorded[~np.isnan(recorded)].tolist())
+        return SolveReport(
+            reason=StopReason(int(state["reason"])),
+            iterations=iterations,
+            relative_squared_residual=float(state["relative"]),
+            block=int(state["block"]) if state["block"] >= 0 else None,
+            history=trace,
+        )
+
+
+def least_bytes_per_iteration(parts: Sequence[CudaBlockMatrix]) -> int:
+    """Bytes that an iteration moves to or from memory at least, if nothing stays in a cache; not if deterministic.
+
+    Every block once with its row and column, the vectors as pcg.cu counts them, and the inverted diagonal blocks.
+    """
+    blocks = sum(group.count * (8 * group.r * group.c + 8) for part in parts for group in part.groups)
+    sizes = np.diff(parts[0].boundaries)
+    return int(blocks + 120 * sizes.sum() + (8 * sizes * parts[0].block_sizes).sum())
+
+
+def _check_vector(vector: DeviceArray, size: int, name: str) -> None:
+    if vector.shape != (size,) or vector.dtype != np.float64:
+        raise ValueError(f"{name} has shape {vector.shape} and type {vector.dtype}; float64 ({size},) is needed")
+
+
+def _check_parts(parts: Sequence[CudaBlockMatrix]) -> None:
+    """Raises ValueError unless these matrices can be added."""
+    if not parts:
+        raise ValueError("there is no matrix to solve with: parts is empty")
+    for index, part in enumerate(parts[1:], start=1):
+        same = np.array_equal(part.boundaries, parts[0].boundaries)
+        if not (same and np.array_equal(part.block_sizes, parts[0].block_sizes)):
+            raise ValueError(f"parts[{index}] was built for other targets than parts[0]: {part} and {parts[0]}")

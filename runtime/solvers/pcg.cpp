@@ -1,0 +1,355 @@
+// Preconditioned conjugate gradients with block Jacobi for (sum of parts) x = g (paper, section 8, appendix D).
+//
+// The whole solve is one parallel region. Rows are cut into pieces of about equal work, one or more for each thread;
+// what depends on the order of additions is added per piece and then in the order of the pieces. So the result is the
+// same bit for bit whenever the number of pieces is.
+#include <new>
+
+#include "core/runtime.h"
+
+namespace yasps {
+
+// Consecutive dof blocks: their rows of the matrix, and their share of all vectors.
+struct Piece {
+    Range blocks;
+    Range own;        // the same in padded vectors
+    long reach;       // end of what the product of its rows writes; it begins with the own part
+    double* product;  // of its rows alone; only [own.begin, reach) exists
+    double sums[2];   // what the piece adds to two sums over all unknowns
+    long bad_block;   // the first block that cannot be inverted, or -1
+    InversionStatus bad_status;
+    char distance[56];  // neighbours in the list are written by different threads
+};
+
+// Memory of the solver, kept between solves.
+struct Workspace {
+    Buffer<double> x, g, residual, direction, preconditioned;  // padded vectors
+    Buffer<double> products;                                   // of all pieces, one after another
+    Buffer<double> inverse;                                    // inverted diagonal blocks
+    Buffer<double> scratch;                                    // one diagonal block per piece
+    Buffer<Piece> pieces;
+    long piece_count = 0;
+};
+
+namespace {
+
+enum Reason { kConverged = 0, kMaxIterations = 1, kNotPositiveDefinite = 2, kNotFinite = 3 };
+
+// Layout shared with runtime/solvers/pcg.py.
+struct SolveResult {
+    long iterations;
+    double relative_residual;
+    long reason;
+    long block;  // scalar offset of the diagonal block to blame, or -1
+};
+
+struct System {
+    int parts;
+    const Structure* const* structures;
+    const double* const* values;
+
+    const Layout& layout() const { return structures[0]->layout; }
+};
+
+// The pieces of one thread.
+struct ThreadShare {
+    Piece *first, *last;
+    Piece* begin() const { return first; }
+    Piece* end() const { return last; }
+};
+
+ThreadShare share_of_thread(Workspace& w) {
+    const Range range = piece(w.piece_count, omp_get_thread_num(), omp_get_num_threads());
+    return {w.pieces.data + range.begin, w.pieces.data + range.end};
+}
+
+// What the rows before this dof block cost, in doubles that pass through the processor.
+long work_before(const System& system, long block) {
+    constexpr long kVectorPasses = 8;  // over the padded vectors in each iteration, beside the product
+    const long row = system.layout().padded_start[block];
+    long work = kVectorPasses * row;
+    for (int p = 0; p < system.parts; ++p) work += values_before(*system.structures[p], row);
+    return work;
+}
+
+// Cuts the rows into pieces. False: out of memory.
+bool cut_pieces(Workspace& w, const System& system, long pieces) {
+    const Layout& layout = system.layout();
+    if (!w.pieces.reserve(pieces)) return false;
+    w.piece_count = pieces;
+    const long work = work_before(system, layout.blocks);
+    long products = 0;
+    for (long k = 0, begin = 0; k < pieces; ++k) {
+        // The first block with at least this piece's share of the work before it.
+        long end = begin, high = layout.blocks;
+        while (end < high) {
+            const long middle = (end + high) / 2;
+            if (work_before(system, middle) < work * (k + 1) / pieces)
+                end = middle + 1;
+            else
+                high = middle;
+        }
+        Piece& p = w.pieces[k];
+        p.blocks = {begin, end};
+        p.own = {layout.padded_start[begin], layout.padded_start[end]};
+        p.reach = p.own.end;
+        p.bad_block = -1;
+        for (int part = 0; part < system.parts; ++part) {
+            const long reach = reach_of(*system.structures[part], p.own);
+            if (reach > p.reach) p.reach = reach;
+        }
+        products += p.reach - p.own.begin;
+        begin = end;
+    }
+    if (!w.products.reserve(products)) return false;
+    double* next = w.products.data;
+    for (long k = 0; k < pieces; ++k) {
+        Piece& p = w.pieces[k];
+        p.product = next - p.own.begin;
+        next += p.reach - p.own.begin;
+    }
+    return true;
+}
+
+void clear(double* vector, long begin, long end) {
+    if (end > begin) memset(vector + begin, 0, static_cast<size_t>(end - begin) * sizeof(double));
+}
+
+// product += H x for the rows of a piece; complete once gather has run after a barrier.
+void multiply_piece(const System& system, const Piece& p, const double* x) {
+    for (int part = 0; part < system.parts; ++part)
+        multiply_rows(*system.structures[part], system.values[part], p.own, x, p.product);
+}
+
+// Adds what the rows of earlier pieces found for this one, in their order, and empties that. Later pieces write only
+// to the right of their first row, since only the upper triangle is stored.
+void gather(const Workspace& w, const Piece& p) {
+    for (const Piece* from = w.pieces.data; from != &p; ++from) {
+        const long end = from->reach < p.own.end ? from->reach : p.own.end;
+        for (long i = p.own.begin; i < end; i += 4) {
+            store(p.product + i, load(p.product + i) + load(from->product + i));
+            store(from->product + i, d4{});
+        }
+    }
+}
+
+double dot(Range range, const double* a, const double* b) {
+    d4 first = {}, second = {};
+    long i = range.begin;
+    for (; i + 8 <= range.end; i += 8) {
+        first += load(a + i) * load(b + i);
+        second += load(a + i + 4) * load(b + i + 4);
+    }
+    for (; i < range.end; i += 4) first += load(a + i) * load(b + i);
+    return sum_of(first + second);
+}
+
+double total(const Workspace& w, int which) {
+    double sum = 0;
+    for (long k = 0; k < w.piece_count; ++k) sum += w.pieces[k].sums[which];
+    return sum;
+}
+
+// z = M^-1 r for some dof blocks; returns their share of r^T z.
+double precondition(const Workspace& w, const Layout& layout, Range blocks, const double* r, double* z) {
+    d4 sums = {};
+    for (long b = blocks.begin; b < blocks.end; ++b) {
+        const int q = layout.size[b];
+        const double* inverse = &w.inverse[layout.inverse_start[b]];
+        const long at = layout.padded_start[b];
+        if (q == 3) {
+            const d4 z3 = load(inverse) * r[at] + load(inverse + 4) * r[at + 1] + load(inverse + 8) * r[at + 2];
+            store(z + at, z3);
+            sums += z3 * load(r + at);
+            continue;
+        }
+        const int stride = padded_size(q);
+        for (int v = 0; v < stride; v += 4) {
+            d4 column = {};
+            for (int i = 0; i < q; ++i) column += load(inverse + static_cast<long>(i) * stride + v) * r[at + i];
+            store(z + at + v, column);
+            sums += column * load(r + at + v);
+        }
+    }
+    return sum_of(sums);
+}
+
+// residual -= step * product and its preconditioning, some blocks at a time, which then stay in the nearest cache.
+// Returns the piece's share of r^T z and leaves the product empty.
+double step_residual(const Workspace& w, const Layout& layout, const Piece& p, double step) {
+    constexpr long kBlocks = 64;
+    double sum = 0;
+    for (long begin = p.blocks.begin; begin < p.blocks.end; begin += kBlocks) {
+        const long end = begin + kBlocks < p.blocks.end ? begin + kBlocks : p.blocks.end;
+        for (long i = layout.padded_start[begin]; i < layout.padded_start[end]; i += 4) {
+            store(&w.residual.data[i], load(&w.residual[i]) - step * load(p.product + i));
+            store(p.product + i, d4{});
+        }
+        sum += precondition(w, layout, {begin, end}, w.residual.data, w.preconditioned.data);
+    }
+    return sum;
+}
+
+void invert_diagonal_of(Workspace& w, const System& system, Piece& p) {
+    const long size = system.layout().largest;
+    long bad = -1;
+    p.bad_status = invert_diagonal(system.parts, system.structures, system.values, p.blocks, w.inverse.data,
+                                   w.scratch.data + (&p - w.pieces.data) * size * size, &bad);
+    if (p.bad_status != kInverted) p.bad_block = bad;
+}
+
+struct Options {
+    double tolerance;
+    long max_iterations;
+    double* history;  // [max_iterations + 1] or null
+};
+
+// Vectors of a piece before the first iteration; its two sums become whether g is not finite, and its largest entry.
+void start_piece(Workspace& w, const System& system, const double* g, const double* x0, Piece& p) {
+    invert_diagonal_of(w, system, p);
+    pack(system.layout(), p.blocks, g, w.g.data);
+    if (x0 != nullptr)
+        pack(system.layout(), p.blocks, x0, w.x.data);
+    else
+        clear(w.x.data, p.own.begin, p.own.end);
+    clear(p.product, p.own.begin, p.reach);
+    double largest = 0;
+    bool finite = true;
+    for (long i = p.own.begin; i < p.own.end; ++i) {
+        const double magnitude = fabs(w.g[i]);
+        finite = finite && magnitude < INFINITY;
+        if (magnitude > largest) largest = magnitude;
+    }
+    p.sums[0] = finite ? 0 : 1;
+    p.sums[1] = largest;
+}
+
+// The body of the parallel region. Every thread takes the same decisions from the same sums.
+void iterate(Workspace& w, const System& system, const Options& options, const double* g, const double* x0, double* x,
+             SolveResult* result) {
+    const Layout& layout = system.layout();
+    const ThreadShare share = share_of_thread(w);
+    const bool reports = omp_get_thread_num() == 0;
+    const auto stop = [&](long iterations, double residual, Reason reason, long block) {
+        if (reports) *result = {iterations, residual, reason, block};
+        for (const Piece& p : share) unpack(layout, p.blocks, w.x.data, x);
+    };
+
+    for (Piece& p : share) start_piece(w, system, g, x0, p);
+#pragma omp barrier
+    if (total(w, 0) > 0) return stop(0, NAN, kNotFinite, -1);
+    if (total(w, 1) == 0) {
+        for (const Piece& p : share) clear(w.x.data, p.own.begin, p.own.end);
+        return stop(0, 0, kConverged, -1);
+    }
+    for (long k = 0; k < w.piece_count; ++k) {
+        const Piece& p = w.pieces[k];
+        if (p.bad_block < 0) continue;
+        return stop(0, NAN, p.bad_status == kNonFinite ? kNotFinite : kNotPositiveDefinite, layout.start[p.bad_block]);
+    }
+
+    if (x0 != nullptr)
+        for (const Piece& p : share) multiply_piece(system, p, w.x.data);
+#pragma omp barrier
+    for (Piece& p : share) {
+        if (x0 != nullptr) gather(w, p);
+        for (long i = p.own.begin; i < p.own.end; i += 4) {
+            store(&w.residual[i], load(&w.g[i]) - load(p.product + i));
+            store(p.product + i, d4{});
+        }
+        p.sums[0] = precondition(w, layout, p.blocks, w.g.data, w.preconditioned.data);
+        p.sums[1] = precondition(w, layout, p.blocks, w.residual.data, w.preconditioned.data);
+        for (long i = p.own.begin; i < p.own.end; i += 4) store(&w.direction[i], load(&w.preconditioned[i]));
+    }
+#pragma omp barrier
+    const double reference = total(w, 0);
+    double squared = total(w, 1);
+
+    for (long iteration = 0;; ++iteration) {
+        const double relative = squared / reference;
+        if (reports && options.history != nullptr) options.history[iteration] = relative;
+        if (!(relative < INFINITY)) return stop(iteration, relative, kNotFinite, -1);
+        if (relative <= options.tolerance) return stop(iteration, relative, kConverged, -1);
+        if (iteration == options.max_iterations) return stop(iteration, relative, kMaxIterations, -1);
+
+        for (const Piece& p : share) multiply_piece(system, p, w.direction.data);
+#pragma omp barrier
+        for (Piece& p : share) {
+            gather(w, p);
+            p.sums[0] = dot(p.own, w.direction.data, p.product);
+        }
+#pragma omp barrier
+        const double curvature = total(w, 0);
+        if (!(curvature > 0 && curvature < INFINITY)) {
+            const bool indefinite = curvature <= 0 && curvature > -INFINITY;
+            return stop(iteration, relative, indefinite ? kNotPositiveDefinite : kNotFinite, -1);
+        }
+        const double step = squared / curvature;
+        for (Piece& p : share) p.sums[1] = step_residual(w, layout, p, step);
+#pragma omp barrier
+        const double next = total(w, 1);
+        const double mix = next / squared;
+        squared = next;
+        for (const Piece& p : share)
+            for (long i = p.own.begin; i < p.own.end; i += 4) {
+                const d4 direction = load(&w.direction[i]);
+                store(&w.x[i], load(&w.x[i]) + step * direction);
+                store(&w.direction[i], load(&w.preconditioned[i]) + mix * direction);
+            }
+#pragma omp barrier
+    }
+}
+
+bool reserve(Workspace& w, const System& system, long pieces) {
+    const Layout& layout = system.layout();
+    const long n = layout.padded + 8;
+    return w.x.reserve(n) && w.g.reserve(n) && w.residual.reserve(n) && w.direction.reserve(n) &&
+           w.preconditioned.reserve(n) && w.inverse.reserve(layout.inverse_start[layout.blocks]) &&
+           w.scratch.reserve(pieces * layout.largest * layout.largest) && cut_pieces(w, system, pieces);
+}
+
+}  // namespace
+}  // namespace yasps
+
+extern "C" {
+
+yasps::Workspace* yasps_workspace_new() { return new (std::nothrow) yasps::Workspace; }
+void yasps_workspace_free(yasps::Workspace* w) { delete w; }
+
+// Solves (sum of parts) x = g. All parts have the same layout. x0 and history may be null. Results are the same for
+// the same number of pieces, whatever the number of threads.
+int yasps_solve(yasps::Workspace* w, int parts, const yasps::Structure* const* structures, const double* const* values,
+                const double* g, const double* x0, double* x, double tolerance, long max_iterations, double* history,
+                int threads, int pieces, yasps::SolveResult* result) {
+    const yasps::System system = {parts, structures, values};
+    if (!yasps::reserve(*w, system, pieces)) return yasps::kOutOfMemory;
+    const yasps::Options options = {tolerance, max_iterations, history};
+#pragma omp parallel num_threads(threads)
+    yasps::iterate(*w, system, options, g, x0, x, result);
+    return yasps::kOk;
+}
+
+// y = H x for compact vectors; pieces as in yasps_solve.
+int yasps_multiply(yasps::Workspace* w, const yasps::Structure* structure, const double* values, const double* x,
+                   double* y, int threads, int pieces) {
+    const yasps::System system = {1, &structure, &values};
+    const yasps::Layout& layout = system.layout();
+    if (!w->x.reserve(layout.padded + 8) || !yasps::cut_pieces(*w, system, pieces)) return yasps::kOutOfMemory;
+#pragma omp parallel num_threads(threads)
+    {
+        const yasps::ThreadShare share = yasps::share_of_thread(*w);
+        for (const yasps::Piece& p : share) {
+            yasps::pack(layout, p.blocks, x, w->x.data);
+            yasps::clear(p.product, p.own.begin, p.reach);
+        }
+#pragma omp barrier
+        for (const yasps::Piece& p : share) yasps::multiply_piece(system, p, w->x.data);
+#pragma omp barrier
+        for (const yasps::Piece& p : share) {
+            yasps::gather(*w, p);
+            yasps::unpack(layout, p.blocks, p.product, y);
+        }
+    }
+    return yasps::kOk;
+}
+}

@@ -1,0 +1,180 @@
+"""Preconditioned conjugate gradients for the global system H x = g."""
+
+from __future__ import annotations
+
+import ctypes
+import weakref
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from enum import Enum
+
+import numpy as np
+
+from yasps.runtime.core.library import FloatArray, Runtime, as_vector, check_status, piece_count
+from yasps.runtime.core.uncopied import Uncopied
+from yasps.runtime.matrix.block_matrix import BlockMatrix
+
+
+class StopReason(Enum):
+    """Why the solver stopped. Only CONVERGED means that x solves the system to the tolerance."""
+
+    CONVERGED = 0
+    MAX_ITERATIONS = 1
+    NOT_POSITIVE_DEFINITE = 2
+    NOT_FINITE = 3
+
+
+@dataclass(frozen=True)
+class SolveReport:
+    """How a solve ended.
+
+    reason: see StopReason. iterations: products with H, less one for a start vector. relative_squared_residual:
+    r^T M^-1 r / g^T M^-1 g at the end, the quantity that is compared with the tolerance; NaN when the iteration did not
+    start. block: scalar offset of the dof block whose diagonal block is to blame (not positive definite or not finite),
+    else None. history: that quantity before each iteration and at the end, when it was asked for. solver: what solved:
+    "pcg", or the name of a direct solver's library (iterations then are those that took out rounding). why: what made
+    the choice, where there was one.
+    """
+
+    reason: StopReason
+    iterations: int
+    relative_squared_residual: float
+    block: int | None
+    history: tuple[float, ...] | None
+    solver: str = "pcg"
+    why: str = ""
+
+    @property
+    def direct(self) -> bool:
+        """Whether a direct solver did it."""
+        return self.solver != "pcg"
+
+    def by(self, solver: str, why: str = "") -> SolveReport:
+        """The same report of another solver."""
+        return replace(self, solver=solver, why=why)
+
+    @property
+    def converged(self) -> bool:
+        """Whether the tolerance was reached."""
+        return self.reason is StopReason.CONVERGED
+
+    def __str__(self) -> str:
+        """One line for logs."""
+        where = f" (dof block at scalar {self.block})" if self.block is not None else ""
+        who = f" by {self.solver}" if self.direct else ""
+        why = f" ({self.why})" if self.why else ""
+        reason = self.reason.name.lower().replace("_", " ")
+        return (
+            f"{reason}{where} after {self.iterations} iterations{who}{why}, relative squared residual "
+            f"{self.relative_squared_residual:.3g}"
+        )
+
+
+class _Result(ctypes.Structure):
+    """As `SolveResult` in pcg.cpp."""
+
+    _fields_ = [
+        ("iterations", ctypes.c_long),
+        ("relative_residual", ctypes.c_double),
+        ("reason", ctypes.c_long),
+        ("block", ctypes.c_long),
+    ]
+
+
+class PcgSolver(Uncopied):
+    """Conjugate gradients with block-Jacobi preconditioner (paper, section 8 and appendix D).
+
+    Owns the solver's vectors; keep one and use it for every solve.
+    """
+
+    def __init__(self, runtime: Runtime, *, deterministic: bool = False) -> None:
+        """Make a solver without memory; the first solve gets it.
+
+        deterministic: results do not depend on the number of threads, for some more time.
+        """
+        self._runtime = runtime
+        self._deterministic = deterministic
+        handle = runtime.library.yasps_workspace_new()
+        if not handle:
+            raise MemoryError("no memory for a solver")
+        self._handle: int = handle
+        weakref.finalize(self, runtime.library.yasps_workspace_free, handle)
+
+    def solve(
+        self,
+        parts: Sequence[BlockMatrix],
+        g: FloatArray,
+        tolerance: float = 1e-4,
+        max_iterations: int = 10_000,
+        x0: FloatArray | None = None,
+        *,
+        with_history: bool = False,
+        threads: int | None = None,
+    ) -> tuple[FloatArray, SolveReport]:
+        """Solve (sum of parts) x = g; the Newton step of an energy with gradient g is -x.
+
+        parts: matrices with the same targets; every dof block needs a diagonal block in at least one. g: float64
+        [unknowns]. x0: where to start, default 0.
+
+        The solver stops when r^T M^-1 r <= tolerance * g^T M^-1 g, with r = g - H x by recurrence and M the diagonal
+        blocks of H. That is a *squared* norm: tolerance 1e-4 asks for 1e-2 in the norm. The reference is g also with a
+        start vector. g = 0 gives x = 0.
+
+        Returns x and the report; always look at `report.reason`. x is the last iterate (x0 when the iteration could not
+        start). The result is the same bit for bit in every run with the same number of threads, of a deterministic
+        solver with any number. Raises ValueError for arguments that do not fit together, MemoryError.
+        """
+        check_parts(parts)
+        if not tolerance >= 0:
+            raise ValueError(f"tolerance is {tolerance}; it must not be negative")
+        if max_iterations < 0:
+            raise ValueError(f"max_iterations is {max_iterations}; it must not be negative")
+        size = parts[0].size
+        g = as_vector(g, size, "g")
+        start = as_vector(x0, size, "x0") if x0 is not None else None
+        x = np.empty(size)
+        history = np.full(max_iterations + 1, np.nan) if with_history else None
+        result = _Result()
+        count = self._runtime.thread_count(threads)
+        status = self._runtime.library.yasps_solve(
+            self._handle,
+            len(parts),
+            (ctypes.c_void_p * len(parts))(*(part.handle for part in parts)),
+            (ctypes.c_void_p * len(parts))(*(part.values.ctypes.data for part in parts)),
+            g.ctypes.data,
+            start.ctypes.data if start is not None else None,
+            x.ctypes.data,
+            tolerance,
+            max_iterations,
+            history.ctypes.data if history is not None else None,
+            count,
+            piece_count(count, self._deterministic),
+            ctypes.addressof(result),
+        )
+        check_status(status)
+        trace: tuple[float, ...] | None = None
+        if history is not None:
+            recorded = history[: result.iterations + 1]
+            trace = tuple(recorded[~np.isnan(recorded)].tolist())
+        report = SolveReport(
+            reason=StopReason(result.reason),
+            iterations=result.iterations,
+            relative_squared_residual=result.relative_residual,
+            block=result.block if result.block >= 0 else None,
+            history=trace,
+        )
+        return x, report
+
+
+def check_parts(parts: Sequence[BlockMatrix]) -> None:
+    """Raises ValueError unless these matrices can be added."""
+    if not parts:
+        raise ValueError("there is no matrix to solve with: parts is empty")
+    for index, part in enumerate(parts[1:], start=1):
+        same = np.array_equal(part.boundaries, parts[0].boundaries)
+        if not (same and np.array_equal(part.block_sizes, parts[0].block_sizes)):
+            raise ValueError(f"parts[{index}] was built for other targets than parts[0]: {part} and {parts[0]}")
+        if not part.has_order_of(parts[0]):
+            raise ValueError(
+                f"parts[{index}] has another order of dof blocks than parts[0]: build it with the same one"
+            )
