@@ -31,9 +31,9 @@ from benchmarks.device_derivatives import run_contacts, run_elements
 from benchmarks.device_systems import run_assembly, run_solver, run_spmv
 from benchmarks.measure import Report, Settings, show, write_json
 from benchmarks.on_device import open_gpu
+from yasps import NoDeviceError
 from yasps.runtime.build.cuda.nvcc import CudaNotFoundError
 from yasps.runtime.core.library import available_processors
-from yasps.runtime.device.driver import NoDeviceError
 from yasps.runtime.device.protocol import Device
 
 

@@ -6,19 +6,17 @@ import ctypes
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
-from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy import sparse
 
-import yasps.backend
 from benchmarks.bandwidth import memory_bandwidth
 from benchmarks.element_rows import PeersDisagreeError
 from benchmarks.measure import Peer, Report, Row, Settings, measure
+from yasps.backend.cpp.object import PRELUDE
 from yasps.frontend.commands.environment_report import cpu_model
-from yasps.meshes.mesh_file import read_tetrahedral_mesh
-from yasps.meshes.shapes import box
+from yasps.meshes import box, read_tetrahedral_mesh
 from yasps.runtime.assembly.assembler import Assembler, KernelCall
 from yasps.runtime.build.toolchain import Compiler, Source, compile_sources, find_compiler, link
 from yasps.runtime.core.library import Runtime, available_processors, load_runtime
@@ -129,8 +127,7 @@ class Sum:
 
 def make_kernel(compiler: Compiler) -> tuple[ctypes.CDLL, int]:
     """The library and the address of a kernel that reads local derivatives from memory."""
-    prelude = (Path(yasps.backend.__path__[0]) / "kernel_prelude.h").read_text(encoding="utf-8")
-    objects = compile_sources([Source("benchmark.add_given", prelude + _KERNEL)], compiler)
+    objects = compile_sources([Source("benchmark.add_given", PRELUDE + _KERNEL)], compiler)
     library = ctypes.CDLL(str(link(objects, compiler).path))
     address = ctypes.cast(library.add_given, ctypes.c_void_p).value
     assert address is not None

@@ -10,15 +10,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from benchmarks.measure import Report, Row, Settings
-from yasps import Scene, concat_rows
+from yasps import Attribute, Mesh, Primitive, Scene, concat_rows
 from yasps.backend.codegen.scene_view import SceneView
 from yasps.backend.cpp.curvature import DENSE_PRELUDE
 from yasps.backend.cpp.object import PRELUDE, CppEmitter
-from yasps.contact.barrier import barrier, squared_point_plane
+from yasps.contact import barrier, squared_point_plane
 from yasps.frontend.execution.emit import SceneEmitter
-from yasps.frontend.language.attribute import Attribute
-from yasps.frontend.language.mesh import Mesh
-from yasps.frontend.language.primitive import Primitive
 from yasps.passes.pipeline import run_pipeline
 
 DESCRIPTION = "generated lines, objects and local memory of point-triangle contact over 1 to 4 parameterisations"

@@ -18,6 +18,7 @@ from benchmarks.contact_problem import add_barrier, close_pairs
 from benchmarks.element_problem import add_elements, box_of_tets, cloth_hinges, cloth_triangles
 from benchmarks.kernel_problem import on_cpu
 from benchmarks.measure import Peer, Report, Row, Settings, measure
+from yasps import Scene
 from yasps.backend.codegen.program import LINK_FLAGS
 from yasps.backend.codegen.scene_view import SceneView
 from yasps.backend.cpp.object import CppEmitter
@@ -25,8 +26,7 @@ from yasps.examples.two_bunnies import two_bunnies
 from yasps.frontend.commands.environment_report import cpu_model
 from yasps.frontend.execution.cpu_scene import CpuScene
 from yasps.frontend.execution.emit import SceneEmitter
-from yasps.frontend.scene import Scene
-from yasps.meshes.shapes import box
+from yasps.meshes import box
 from yasps.passes.pipeline import run_pipeline
 from yasps.runtime.build.toolchain import (
     CompiledObject,

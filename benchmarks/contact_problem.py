@@ -9,12 +9,9 @@ from numpy.typing import NDArray
 
 from benchmarks.kernel_problem import on_cpu
 from benchmarks.on_device import Where, new_scene
-from yasps import Scene
-from yasps.contact.barrier import KINDS, barrier, mollifier
+from yasps import Attribute, Mesh, Primitive, PrimitiveBase, Scene
+from yasps.contact import KINDS, barrier, mollifier
 from yasps.frontend.execution.cpu_scene import CpuScene
-from yasps.frontend.language.attribute import Attribute
-from yasps.frontend.language.mesh import Mesh
-from yasps.frontend.language.primitive import Primitive, PrimitiveBase
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int32]

@@ -23,12 +23,10 @@ from benchmarks.on_device import (
     device_peer,
     share_rows,
 )
+from yasps import Attribute, Connectivity, Scene
 from yasps.frontend.execution.cpu_scene import CpuScene
 from yasps.frontend.execution.cuda_scene import CudaScene
-from yasps.frontend.language.attribute import Attribute
-from yasps.frontend.language.connectivity import Connectivity
-from yasps.frontend.scene import Scene
-from yasps.meshes.mesh_file import read_tetrahedral_mesh
+from yasps.meshes import read_tetrahedral_mesh
 from yasps.runtime.device.protocol import Device, DeviceArray
 
 SHARES = (0.0, 0.09, 0.33, 0.84)  # as in `elements`

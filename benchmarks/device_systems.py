@@ -22,9 +22,7 @@ from benchmarks.solver import MAX_ITERATIONS, TOLERANCE, SystemNotSolvedError
 from benchmarks.solver_problems import PROBLEMS, MakeProblem
 from benchmarks.spmv import ITERATIONS, PRODUCTS, Case, check_product, make_case, moved_bytes, product_peer
 from yasps.frontend.execution.cuda_scene import CudaScene
-from yasps.meshes.mesh_file import read_tetrahedral_mesh
-from yasps.meshes.shapes import box
-from yasps.meshes.tetrahedral_mesh import TetrahedralMesh
+from yasps.meshes import TetrahedralMesh, box, read_tetrahedral_mesh
 from yasps.runtime.build.cuda.sources import runtime_sources
 from yasps.runtime.build.toolchain import find_compiler
 from yasps.runtime.core.library import Runtime, load_runtime

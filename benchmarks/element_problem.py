@@ -10,13 +10,9 @@ from numpy.typing import NDArray
 
 from benchmarks.kernel_problem import on_cpu, projected_share
 from benchmarks.on_device import Where, new_scene
-from yasps import Scene, materials
+from yasps import Attribute, Connectivity, Scene, materials
 from yasps.frontend.execution.cpu_scene import CpuScene
-from yasps.frontend.language.attribute import Attribute
-from yasps.frontend.language.connectivity import Connectivity
-from yasps.meshes.shapes import box, cloth_grid
-from yasps.meshes.tetrahedral_mesh import TetrahedralMesh
-from yasps.meshes.triangles import hinges_of
+from yasps.meshes import TetrahedralMesh, box, cloth_grid, hinges_of
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int32]

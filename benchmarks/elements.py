@@ -13,7 +13,7 @@ from benchmarks.kernel_problem import FLOOR_NOTES, UNIT, floor_rows, measure_mac
 from benchmarks.measure import Peer, Report, Settings, measure
 from benchmarks.sympy_kernel import SympyTets, sympy_tets
 from yasps.frontend.commands.environment_report import cpu_model
-from yasps.meshes.mesh_file import read_tetrahedral_mesh
+from yasps.meshes import read_tetrahedral_mesh
 from yasps.runtime.core.library import available_processors
 
 DESCRIPTION = "gradient and Hessian of stable Neo-Hookean tets; peers JAX, PyTorch, SymPy + Eigen, the machine's floor"

@@ -9,9 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from yasps import Scene, materials
-from yasps.contact import barrier as contact
-from yasps.frontend.language.attribute import Attribute
+from yasps import Attribute, Scene, contact, materials
 
 Values = Mapping[str, Attribute]
 Shapes = dict[str, tuple[int, int]]

@@ -12,12 +12,9 @@ from scipy import sparse
 
 from benchmarks.kernel_problem import on_cpu
 from benchmarks.measure import Peer, Report, Row, Settings, measure
-from yasps import Scene
+from yasps import Attribute, Mesh, Primitive, PrimitiveBase, Scene
 from yasps.frontend.commands.environment_report import cpu_model
 from yasps.frontend.execution.cpu_scene import CpuScene
-from yasps.frontend.language.attribute import Attribute
-from yasps.frontend.language.mesh import Mesh
-from yasps.frontend.language.primitive import Primitive, PrimitiveBase
 from yasps.runtime.core.library import available_processors
 
 DESCRIPTION = "placement indices and sparsity for growing nesting and unions, ns per instance; peers NumPy, SciPy"

@@ -17,7 +17,7 @@ from pathlib import Path
 from benchmarks.contact_problem import close_pairs, union_scene
 from benchmarks.element_problem import box_of_tets, elements_scene
 from benchmarks.measure import Report, Row, Settings
-from yasps.frontend.scene import Scene
+from yasps import Scene
 
 DESCRIPTION = "peak memory for each tet and contact pair beyond matrix, vectors and indices, bytes"
 DEFAULT_SIZE = 200_000

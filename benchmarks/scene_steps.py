@@ -11,13 +11,13 @@ from benchmarks.measure import Report, Row, Settings
 from benchmarks.on_device import ON_DEVICE, Where, new_scene
 from yasps.examples.two_bunnies import two_bunnies
 from yasps.frontend.commands.environment_report import cpu_model
-from yasps.meshes.mesh_file import read_tetrahedral_mesh
-from yasps.meshes.rabbit import FEWEST_VERTICES, rabbit
-from yasps.output.progress import TimeTable
+from yasps.meshes import rabbit, read_tetrahedral_mesh
+from yasps.meshes.rabbit_shape import FEWEST_VERTICES
+from yasps.output import TimeTable
 from yasps.runtime.core.library import available_processors
 from yasps.runtime.device.protocol import Device
 from yasps.simulation import Simulation
-from yasps.stepping.newton import NewtonReport
+from yasps.stepping import NewtonReport
 
 DESCRIPTION = "time steps of two_bunnies: seconds a frame, Newton and CG iterations, share of each stage"
 DEFAULT_SIZE = 5_000

@@ -11,13 +11,10 @@ from numpy.typing import NDArray
 
 from benchmarks.kernel_problem import on_cpu
 from benchmarks.on_device import Where, new_scene
-from yasps import Attribute, Scene, materials
-from yasps.contact.barrier import BarrierContact
+from yasps import Attribute, Mesh, Primitive, Scene, materials
+from yasps.contact import BarrierContact
 from yasps.frontend.execution.compiled_scene import CompiledScene
-from yasps.frontend.language.mesh import Mesh
-from yasps.frontend.language.primitive import Primitive
-from yasps.meshes.shapes import box
-from yasps.meshes.tetrahedral_mesh import TetrahedralMesh
+from yasps.meshes import TetrahedralMesh, box
 from yasps.runtime.matrix.block_matrix import BlockMatrix
 
 TIME_STEP = 0.01  # s

@@ -16,9 +16,7 @@ from benchmarks.measure import Peer, Report, Row, Settings, measure
 from benchmarks.spmv_peers import EigenProduct, FloatArray, MklNotFoundError, MklProduct
 from benchmarks.sympy_kernel import EigenNotFoundError
 from yasps.frontend.commands.environment_report import cpu_model
-from yasps.meshes.mesh_file import read_tetrahedral_mesh
-from yasps.meshes.shapes import sphere
-from yasps.meshes.tetrahedral_mesh import TetrahedralMesh
+from yasps.meshes import TetrahedralMesh, read_tetrahedral_mesh, sphere
 from yasps.runtime.build.toolchain import find_compiler
 from yasps.runtime.core.library import Runtime, available_processors, load_runtime
 from yasps.runtime.matrix.block_matrix import BlockMatrix

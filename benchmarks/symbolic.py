@@ -7,10 +7,10 @@ import time
 
 from benchmarks.element_problem import box_of_tets, elements_scene
 from benchmarks.measure import Report, Row, Settings
+from yasps import Scene
 from yasps.examples.two_bunnies import two_bunnies
 from yasps.frontend.execution.emit import SceneEmitter
-from yasps.frontend.scene import Scene
-from yasps.meshes.shapes import box
+from yasps.meshes import box
 from yasps.passes.pipeline import run_pipeline
 
 DESCRIPTION = "time of the symbolic stages: one energy, and the scene two_bunnies, pass by pass, ms"

@@ -9,7 +9,7 @@ import sympy as sp
 
 from benchmarks.energies import ENERGIES as SHAPES
 from benchmarks.energies import Shapes
-from yasps.contact.barrier import KINDS
+from yasps.contact import KINDS
 
 # SymPy has no types; its expressions and matrices are `Any` here.
 Values = Mapping[str, Any]

@@ -13,7 +13,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from yasps import Scene
-from yasps.meshes.shapes import sphere
+from yasps.meshes import sphere
 
 
 def main(arguments: Sequence[str] | None = None) -> int:

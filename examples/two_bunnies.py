@@ -16,15 +16,11 @@ from pathlib import Path
 
 import numpy as np
 
-from yasps import Scene
+from yasps import SOLVERS, WHEN_TO_PROJECT, Scene
 from yasps.bodies import AffineBody, Ground, SoftBody
-from yasps.contact.collision_geometry import narrowest_gap
-from yasps.frontend.execution.newton_system import SOLVERS, WHEN_TO_PROJECT
-from yasps.meshes.mesh_file import read_tetrahedral_mesh
-from yasps.meshes.rabbit import rabbit
-from yasps.meshes.tetrahedral_mesh import TetrahedralMesh
-from yasps.output.progress import TimeTable
-from yasps.output.recorder import FrameRecorder
+from yasps.contact import narrowest_gap
+from yasps.meshes import TetrahedralMesh, rabbit, read_tetrahedral_mesh
+from yasps.output import FrameRecorder, TimeTable
 from yasps.simulation import Simulation
 
 SIZE = 0.2  # m, height of a rabbit

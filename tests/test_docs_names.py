@@ -25,13 +25,13 @@ import yasps.runtime.build.toolchain
 import yasps.runtime.device.gpu
 from yasps import {public}
 import yasps.backend, yasps.dialects, yasps.examples, yasps.frontend, yasps.passes
-from yasps.frontend.scene import Solution
+from yasps import Solution
 from yasps.backend.reference.interpreter import Interpreter
-from yasps.contact.collision_geometry import CollisionGeometry
+from yasps.contact import CollisionGeometry
 from yasps.frontend.execution.compiled_scene import CompiledScene
-from yasps.contact.barrier import BarrierContact
+from yasps.contact import BarrierContact
 from yasps.materials import *
-from yasps.stepping.newton import BackwardEuler, MovingPart, NewtonReport, NewtonSettings, minimize
+from yasps.stepping import BackwardEuler, MovingPart, NewtonReport, NewtonSettings, minimize
 from yasps.passes.pipeline import run_pipeline
 from yasps.runtime.solvers.pcg import SolveReport
 from yasps.simulation import Pins, Simulation

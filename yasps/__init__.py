@@ -17,9 +17,19 @@ from yasps.frontend.errors import (
     UnsupportedSceneError,
     YaspsError,
 )
+from yasps.frontend.execution.newton_system import (
+    SOLVERS,
+    WHEN_TO_PROJECT,
+    NewtonSolution,
+    advice_on,
+    check_choices,
+    solve_newton_system,
+)
 from yasps.frontend.language.attribute import (
     Attribute,
     ComputedValue,
+    FloatArray,
+    as_attribute,
     concat_cols,
     concat_rows,
     constant,
@@ -29,28 +39,48 @@ from yasps.frontend.language.attribute import (
 from yasps.frontend.language.connectivity import Connectivity
 from yasps.frontend.language.functions import atan2, maximum, minimum, select, stumpff
 from yasps.frontend.language.mesh import Mesh
-from yasps.frontend.language.primitive import Primitive, PrimitiveUnion
+from yasps.frontend.language.primitive import Primitive, PrimitiveBase, PrimitiveUnion
 from yasps.frontend.scene import Scene, Solution, add_scene, scene
+from yasps.runtime.build.private_folder import CacheFolderError
+from yasps.runtime.build.toolchain import CompilationError, CompilerNotFoundError
+from yasps.runtime.device.driver import NoDeviceError
+from yasps.runtime.device.protocol import DeviceError, DeviceMemoryError
 
-addScene = add_scene  # noqa: N816 - the paper's spelling
-concatRows = concat_rows  # noqa: N816
+# The paper's spelling.
+addScene = add_scene  # noqa: N816
+adviceOn = advice_on  # noqa: N816
+asAttribute = as_attribute  # noqa: N816
+checkChoices = check_choices  # noqa: N816
 concatCols = concat_cols  # noqa: N816
+concatRows = concat_rows  # noqa: N816
+solveNewtonSystem = solve_newton_system  # noqa: N816
 
 __version__ = "0.1.0"
 
 __all__ = [
+    "SOLVERS",
+    "WHEN_TO_PROJECT",
     "Attribute",
+    "CacheFolderError",
+    "CompilationError",
+    "CompilerNotFoundError",
     "ComputedValue",
     "Connectivity",
     "ConnectivityError",
     "DataError",
+    "DeviceError",
+    "DeviceMemoryError",
+    "FloatArray",
     "IntersectionError",
     "LineageError",
     "Mesh",
     "NameTakenError",
+    "NewtonSolution",
+    "NoDeviceError",
     "NotConvergedError",
     "NotFiniteError",
     "Primitive",
+    "PrimitiveBase",
     "PrimitiveUnion",
     "Scene",
     "SceneError",
@@ -61,7 +91,13 @@ __all__ = [
     "__version__",
     "addScene",
     "add_scene",
+    "adviceOn",
+    "advice_on",
+    "asAttribute",
+    "as_attribute",
     "atan2",
+    "checkChoices",
+    "check_choices",
     "concatCols",
     "concatRows",
     "concat_cols",
@@ -72,6 +108,8 @@ __all__ = [
     "minimum",
     "scene",
     "select",
+    "solveNewtonSystem",
+    "solve_newton_system",
     "stumpff",
     "zeros",
 ]

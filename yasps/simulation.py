@@ -17,11 +17,11 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from yasps import Attribute, Primitive, Scene, SceneError, YaspsError, materials
-from yasps.bodies.body import Body
-from yasps.contact.barrier import BarrierContact
+from yasps.bodies import Body
+from yasps.contact import BarrierContact
 from yasps.meshes.tetrahedral_mesh import Float64Array
-from yasps.output.progress import FrameProgress, TimeTable
-from yasps.stepping.newton import BackwardEuler, MovingPart, NewtonReport, NewtonSettings
+from yasps.output import FrameProgress, TimeTable
+from yasps.stepping import BackwardEuler, MovingPart, NewtonReport, NewtonSettings
 
 PIN_STIFFNESS = 1e3
 """Stiffness of a pin, in masses of its body over the squared time step: a body that hangs on one sinks by

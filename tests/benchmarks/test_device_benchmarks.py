@@ -20,11 +20,10 @@ from benchmarks.element_rows import PEERS, PeersDisagreeError, check_peer
 from benchmarks.measure import Peer, Row, measure
 from benchmarks.solver_problems import in_contact, soft
 from benchmarks.spmv import make_case
-from yasps.meshes.mesh_file import write_mesh
-from yasps.meshes.shapes import box
+from yasps import NoDeviceError
+from yasps.meshes import box, write_mesh
 from yasps.runtime.build.toolchain import find_compiler
 from yasps.runtime.core.library import load_runtime
-from yasps.runtime.device.driver import NoDeviceError
 
 
 @pytest.fixture(autouse=True)

@@ -18,8 +18,7 @@ from benchmarks.element_rows import PeersDisagreeError, check_close
 from benchmarks.kernel_problem import bytes_per_element
 from benchmarks.measure import Settings
 from benchmarks.sympy_kernel import EigenNotFoundError, eigen_folder, sympy_tets
-from yasps.meshes.mesh_file import write_mesh
-from yasps.meshes.shapes import box, cloth_grid
+from yasps.meshes import box, cloth_grid, write_mesh
 from yasps.runtime.build.toolchain import find_compiler
 
 KEYS = {"case", "implementation", "threads", "value", "unit"}

@@ -18,9 +18,8 @@ from benchmarks.element_problem import box_of_tets, elements_scene
 from benchmarks.indices import affine_case, chain_case, union_case
 from benchmarks.measure import Row, Settings
 from benchmarks.memory import Measurement
-from yasps.frontend.scene import Scene
-from yasps.meshes.mesh_file import write_mesh
-from yasps.meshes.shapes import box
+from yasps import Scene
+from yasps.meshes import box, write_mesh
 from yasps.runtime.build.toolchain import Source, find_compiler
 from yasps.runtime.core.library import load_runtime
 

@@ -14,7 +14,7 @@ from benchmarks.element_rows import PeersDisagreeError
 from benchmarks.measure import Settings
 from benchmarks.spmv_peers import EigenProduct, FloatArray, MklNotFoundError, MklProduct, mkl_library
 from benchmarks.sympy_kernel import EigenNotFoundError, eigen_folder
-from yasps.meshes.shapes import box, sphere
+from yasps.meshes import box, sphere
 from yasps.runtime.build.toolchain import find_compiler
 from yasps.runtime.core.library import Runtime, load_runtime
 from yasps.runtime.matrix import block_matrix

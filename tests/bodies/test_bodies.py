@@ -7,8 +7,15 @@ import pytest
 
 from yasps import Scene, SceneError, materials
 from yasps.bodies import AffineBody, Cloth, Ground, Obstacle, SoftBody
-from yasps.meshes.shapes import TriangleMesh, box, cloth_grid
-from yasps.meshes.triangles import hinge_stiffness, hinges_of, triangle_areas, triangle_vertex_masses
+from yasps.meshes import (
+    TriangleMesh,
+    box,
+    cloth_grid,
+    hinge_stiffness,
+    hinges_of,
+    triangle_areas,
+    triangle_vertex_masses,
+)
 
 CUBE = box((0.2, 0.1, 0.1), (2, 1, 1))
 ROTATION = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])

@@ -11,7 +11,8 @@ from collision_scenes import ONE, SCENES, TRIANGLE, box, move, potential, sheet,
 from numpy.typing import ArrayLike
 
 from yasps import YaspsError
-from yasps.contact.collision_geometry import CollisionGeometry, IntersectionError
+from yasps.contact import CollisionGeometry
+from yasps.contact.collision_geometry import IntersectionError
 
 
 @pytest.mark.parametrize("name", SCENES)

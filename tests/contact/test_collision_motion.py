@@ -11,7 +11,7 @@ from collision_scenes import SCENES, Floats, box, move, potential, sheet, union
 from numpy.typing import NDArray
 
 from yasps import YaspsError
-from yasps.contact.collision_geometry import CollisionGeometry
+from yasps.contact import CollisionGeometry
 from yasps.runtime.build.toolchain import find_compiler
 from yasps.runtime.collision.surface_pairs import SurfacePairs
 from yasps.runtime.core.library import load_runtime

@@ -20,10 +20,9 @@ from yasps import (
     SceneError,
     YaspsError,
 )
-from yasps.contact.barrier import BarrierContact
-from yasps.contact.collision_geometry import CollisionGeometry
-from yasps.meshes.shapes import box, ground
-from yasps.stepping.newton import NewtonSettings, minimize
+from yasps.contact import BarrierContact, CollisionGeometry
+from yasps.meshes import box, ground
+from yasps.stepping import NewtonSettings, minimize
 
 SIZE, DISTANCE = 0.1, 1e-3
 CUBE = box((SIZE,) * 3, (1, 1, 1))

@@ -14,7 +14,7 @@ from collision_scenes import SCENES, Mesh, move, union
 from numpy.typing import NDArray
 
 from yasps import Scene
-from yasps.contact.barrier import KINDS, BarrierContact
+from yasps.contact import KINDS, BarrierContact
 
 Floats = NDArray[np.float64]
 STIFFNESS = 3.5

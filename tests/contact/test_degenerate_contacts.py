@@ -12,8 +12,8 @@ import numpy as np
 import pytest
 from contact_scenes import KINDS, Body, ContactScene, contact_scene
 
-from yasps.meshes.shapes import TriangleMesh, box, ground
-from yasps.meshes.tetrahedral_mesh import TetrahedralMesh, Vector
+from yasps.meshes import TetrahedralMesh, TriangleMesh, box, ground
+from yasps.meshes.tetrahedral_mesh import Vector
 
 SIZE = 0.1  # m, of a cube
 GAP = 6e-4  # m, between surfaces at first; the activation distance is 1e-3

@@ -11,9 +11,7 @@ import pytest
 
 from yasps.backend.reference.interpreter import Interpreter, SceneData
 from yasps.examples import two_bunnies as example
-from yasps.meshes.mesh_file import write_mesh
-from yasps.meshes.rabbit import rabbit
-from yasps.meshes.tetrahedral_mesh import TetrahedralMesh
+from yasps.meshes import TetrahedralMesh, rabbit, write_mesh
 
 STEP = 0.01
 

@@ -13,8 +13,9 @@ from cuda_on_host import HostDevice
 from device_checks import SCENES, MakeScene, OpenDevice
 from numpy.typing import NDArray
 
+from yasps import NoDeviceError
 from yasps.runtime.build.cuda.nvcc import CudaNotFoundError
-from yasps.runtime.device.driver import NoDeviceError, find_device
+from yasps.runtime.device.driver import find_device
 from yasps.runtime.device.gpu import Gpu
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from yasps.contact.active_set import ActiveSet, MollifiedPairs
+from yasps.contact import ActiveSet, MollifiedPairs
 
 Floats = NDArray[np.float64]
 Mesh = tuple[Floats, NDArray[np.int32]]

@@ -13,13 +13,10 @@ import ipctk
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from yasps import Attribute, Scene, materials
-from yasps.contact.barrier import BarrierContact
-from yasps.frontend.language.mesh import Mesh
-from yasps.frontend.language.primitive import Primitive
-from yasps.meshes.shapes import TriangleMesh
-from yasps.meshes.tetrahedral_mesh import TetrahedralMesh
-from yasps.stepping.newton import BackwardEuler, MovingPart, NewtonReport, NewtonSettings
+from yasps import Attribute, Mesh, Primitive, Scene, materials
+from yasps.contact import BarrierContact
+from yasps.meshes import TetrahedralMesh, TriangleMesh
+from yasps.stepping import BackwardEuler, MovingPart, NewtonReport, NewtonSettings
 
 Floats = NDArray[np.float64]
 STEP = 0.01  # s

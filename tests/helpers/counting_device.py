@@ -7,7 +7,7 @@ from typing import Any
 from cuda_on_host import HostDevice, HostMemory
 from numpy.typing import NDArray
 
-from yasps.runtime.device.protocol import DeviceMemoryError
+from yasps import DeviceMemoryError
 
 
 class CountingDevice(HostDevice):

@@ -19,11 +19,12 @@ import race_detector
 from numpy.typing import NDArray
 from race_detector import Barrier
 
+from yasps import DeviceError, DeviceMemoryError
 from yasps.runtime.build.cuda.report import ModuleRow
 from yasps.runtime.build.cuda.sources import with_includes
 from yasps.runtime.build.toolchain import Source, compile_sources, find_compiler, link
 from yasps.runtime.device.disposal import DISPOSAL
-from yasps.runtime.device.protocol import BLOCK, DeviceError, DeviceMemoryError, Kernel
+from yasps.runtime.device.protocol import BLOCK, Kernel
 
 HEADER = Path(__file__).resolve().with_name("cuda_on_host.h")
 FLAGS = (

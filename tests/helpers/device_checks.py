@@ -18,12 +18,12 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 from small_scenes import PAIRS, mixed_union, shared_targets, soft_tets
 
-from yasps import ConnectivityError, Scene, Solution, materials
+from yasps import ConnectivityError, DeviceMemoryError, Scene, Solution, materials
 from yasps.examples.two_bunnies import two_bunnies
-from yasps.meshes.shapes import box
-from yasps.runtime.device.protocol import Device, DeviceArray, DeviceMemoryError
+from yasps.meshes import box
+from yasps.runtime.device.protocol import Device, DeviceArray
 from yasps.simulation import Simulation
-from yasps.stepping.newton import BackwardEuler, MovingPart, NewtonSettings
+from yasps.stepping import BackwardEuler, MovingPart, NewtonSettings
 
 AGREEMENT = 1e-10
 """Relative, of the largest number of each array."""

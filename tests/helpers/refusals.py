@@ -17,13 +17,13 @@ from yasps import (
     Connectivity,
     Mesh,
     Primitive,
+    PrimitiveBase,
     PrimitiveUnion,
     Scene,
     YaspsError,
 )
 from yasps.frontend.language.attribute import Stored
 from yasps.frontend.language.entity import Entity
-from yasps.frontend.language.primitive import PrimitiveBase
 
 
 @dataclass

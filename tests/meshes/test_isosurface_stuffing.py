@@ -6,20 +6,24 @@ from collections.abc import Iterator
 import numpy as np
 import pytest
 
+from yasps.meshes import (
+    CoarseLatticeError,
+    MeshError,
+    TetrahedralMesh,
+    stuff_isosurface,
+    stuff_isosurface_with_vertex_count,
+)
 from yasps.meshes.isosurface_stuffing import (
     ALPHA_LONG,
     ALPHA_SHORT,
-    CoarseLatticeError,
     Lattice,
     cut_node,
     fill_stencils,
     inside_stencil,
     lattice_edges_between_signs,
-    stuff_isosurface,
-    stuff_isosurface_with_vertex_count,
     warp_lattice,
 )
-from yasps.meshes.tetrahedral_mesh import TET_EDGES, MeshError, TetrahedralMesh, signed_volumes
+from yasps.meshes.tetrahedral_mesh import TET_EDGES, signed_volumes
 
 SMALLEST_ANGLE, LARGEST_ANGLE = 10.7, 164.8
 # The corners a0, a1 (cube corners) and b0, b1 (cube centres) of one lattice tetrahedron.

@@ -7,9 +7,7 @@ import meshio
 import numpy as np
 import pytest
 
-from yasps.meshes.mesh_file import read_tetrahedral_mesh, write_mesh
-from yasps.meshes.shapes import box
-from yasps.meshes.tetrahedral_mesh import MeshError
+from yasps.meshes import MeshError, box, read_tetrahedral_mesh, write_mesh
 
 POINTS = np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1], [1, 1, 1]])
 TETS = [[0, 1, 2, 3], [1, 2, 3, 4]]

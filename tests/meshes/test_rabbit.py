@@ -6,8 +6,8 @@ import pytest
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
-from yasps.meshes.rabbit import Ellipsoid, ellipsoid_distance, rabbit, rabbit_surface, smooth_minimum
-from yasps.meshes.tetrahedral_mesh import MeshError
+from yasps.meshes import MeshError, rabbit
+from yasps.meshes.rabbit_shape import Ellipsoid, ellipsoid_distance, rabbit_surface, smooth_minimum
 
 
 @pytest.mark.parametrize("vertices", [1500, 2000, 3000, 5000, 8000])

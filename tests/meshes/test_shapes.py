@@ -3,8 +3,7 @@
 import numpy as np
 import pytest
 
-from yasps.meshes.shapes import TriangleMesh, box, cloth_grid, ground, sphere
-from yasps.meshes.tetrahedral_mesh import MeshError
+from yasps.meshes import MeshError, TriangleMesh, box, cloth_grid, ground, sphere
 
 
 def areas_and_normals(mesh: TriangleMesh) -> tuple[np.ndarray, np.ndarray]:

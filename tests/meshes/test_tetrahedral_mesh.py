@@ -5,14 +5,8 @@ import dataclasses
 import numpy as np
 import pytest
 
-from yasps.meshes.shapes import box
-from yasps.meshes.tetrahedral_mesh import (
-    MeshError,
-    TetrahedralMesh,
-    drop_unused_vertices,
-    flip_inverted_tets,
-    signed_volumes,
-)
+from yasps.meshes import MeshError, TetrahedralMesh, box
+from yasps.meshes.tetrahedral_mesh import drop_unused_vertices, flip_inverted_tets, signed_volumes
 
 CORNER = np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]])
 TET = np.array([[0, 1, 2, 3]], dtype=np.int32)

@@ -5,9 +5,7 @@ import subprocess
 import numpy as np
 import pytest
 
-from yasps.output import animation
-from yasps.output.animation import Animation
-from yasps.output.pictures import PictureError
+from yasps.output import Animation, PictureError, animation
 
 iio = pytest.importorskip("imageio.v3")
 

@@ -6,16 +6,8 @@ import sys
 import numpy as np
 import pytest
 
-from yasps.output import pictures
-from yasps.output.pictures import (
-    FramePictures,
-    PictureError,
-    PicturesUnavailable,
-    Surface,
-    camera_position,
-    require_pictures,
-    vertex_normals,
-)
+from yasps.output import FramePictures, PictureError, PicturesUnavailable, Surface, pictures, require_pictures
+from yasps.output.pictures import camera_position, vertex_normals
 
 CORNERS = np.array([[x, y, z] for x in (-0.5, 0.5) for y in (-0.5, 0.5) for z in (0.0, 1.0)])
 FACES = np.array(
@@ -113,7 +105,7 @@ def test_wrong_moves_are_refused(scene):
 
 def test_nothing_leaks_to_the_terminal(scene):
     code = """
-from yasps.output.pictures import FramePictures, Surface
+from yasps.output import FramePictures, Surface
 with FramePictures([Surface("a", CORNERS, FACES)], window_size=(64, 48)) as pictures:
     print(pictures.image().std() > 5)
 """

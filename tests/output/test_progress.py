@@ -5,8 +5,8 @@ import re
 
 import pytest
 
-from yasps.frontend.errors import DataError
-from yasps.output.progress import FrameProgress, TimeTable, TimeTableError
+from yasps import DataError
+from yasps.output import FrameProgress, TimeTable, TimeTableError
 
 
 class HandClock:

@@ -11,8 +11,7 @@ import h5py
 import numpy as np
 import pytest
 
-from yasps.output import vtkhdf
-from yasps.output.vtkhdf import OutputFileError, VtkHdfSeries
+from yasps.output import OutputFileError, VtkHdfSeries, vtkhdf
 
 vtk_hdf = pytest.importorskip("vtkmodules.vtkIOHDF")
 pyvista = pytest.importorskip("pyvista")
@@ -267,7 +266,7 @@ def test_a_killed_run_leaves_a_readable_file(tmp_path):
         """
         import sys
         import numpy as np
-        from yasps.output.vtkhdf import VtkHdfSeries
+        from yasps.output import VtkHdfSeries
         points = np.zeros((1000, 3))
         series = VtkHdfSeries(sys.argv[1], 1000, {"tetra": [[0, 1, 2, 3]]})
         for i in range(1_000_000):

@@ -18,12 +18,11 @@ from xdsl.parser import Parser
 from xdsl.passes import ModulePass, PassPipeline
 from xdsl.utils.exceptions import VerifyException
 
-from yasps import Attribute, Scene
+from yasps import Attribute, NotFiniteError, Scene, UnsupportedSceneError
 from yasps.dialects.mat import matrix_type
 from yasps.dialects.mat.calculus import ProjectPsdOp
 from yasps.dialects.rel import AttributeOp, CurvatureOp, DerivativeOp, JacobianOp, StorageOp, name_of
 from yasps.frontend.commands.yasps_opt import main
-from yasps.frontend.errors import NotFiniteError, UnsupportedSceneError
 from yasps.frontend.language.attribute import combine
 from yasps.passes import pipeline
 from yasps.passes.errors import CompileError, place_of

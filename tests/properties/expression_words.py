@@ -28,10 +28,10 @@ from matrix_meaning import (
 )
 from xdsl.dialects.builtin import DenseArrayBase, FloatAttr, f64, i64
 
-from yasps import Attribute, Scene, atan2, concat_cols, concat_rows, maximum, minimum, select, stumpff
+from yasps import Attribute, Scene, atan2, concat_cols, concat_rows, constant, maximum, minimum, select, stumpff
 from yasps.dialects.mat import OPERATIONS as MAT_OPERATIONS
 from yasps.dialects.mat import algebra, elementwise, structure
-from yasps.frontend.language.attribute import combine, constant
+from yasps.frontend.language.attribute import combine
 
 Shape = tuple[int, int]
 Numbers = tuple[int, ...]

@@ -20,11 +20,8 @@ from small_scenes import emit, shared_targets
 
 from yasps.backend.reference.scene_data import SceneDataError, load_scene_data, save_scene_data
 from yasps.frontend.commands.yasps_opt import main
-from yasps.meshes import mesh_file
-from yasps.meshes.mesh_file import read_tetrahedral_mesh
-from yasps.meshes.shapes import box
-from yasps.meshes.tetrahedral_mesh import MeshError, TetrahedralMesh
-from yasps.output.vtkhdf import OutputFileError, VtkHdfSeries
+from yasps.meshes import MeshError, TetrahedralMesh, box, mesh_file, read_tetrahedral_mesh
+from yasps.output import OutputFileError, VtkHdfSeries
 from yasps.passes.pipeline import run_pipeline
 
 LITTLE = 20_000_000

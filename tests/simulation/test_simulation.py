@@ -9,7 +9,7 @@ import pytest
 
 from yasps import IntersectionError, NotConvergedError, NotFiniteError, Scene, SceneError
 from yasps.bodies import AffineBody, Cloth, Ground, SoftBody
-from yasps.meshes.shapes import box, cloth_grid
+from yasps.meshes import box, cloth_grid
 from yasps.simulation import Simulation
 
 CUBE = box((0.1, 0.1, 0.1), (1, 1, 1))

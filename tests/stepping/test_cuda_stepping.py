@@ -8,10 +8,10 @@ from cuda_on_host import HostDevice
 from numpy.typing import NDArray
 
 from yasps import Scene, materials
-from yasps.contact.barrier import BarrierContact
-from yasps.meshes.shapes import box, ground
+from yasps.contact import BarrierContact
+from yasps.meshes import box, ground
 from yasps.runtime.device.protocol import Device
-from yasps.stepping.newton import BackwardEuler, MovingPart, NewtonReport, NewtonSettings, minimize
+from yasps.stepping import BackwardEuler, MovingPart, NewtonReport, NewtonSettings, minimize
 
 STEP = 0.01
 TIGHT = NewtonSettings(velocity_tolerance=1e-7, linear_tolerance=1e-18)

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from yasps import Scene, materials
-from yasps.meshes.shapes import box
+from yasps.meshes import box
 
 MESH = box(divisions=(5, 5, 4))
 

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from yasps import Attribute, NotConvergedError, Scene, concat_rows
-from yasps.contact.barrier import BarrierContact
-from yasps.stepping.newton import NewtonSettings, minimize
+from yasps.contact import BarrierContact
+from yasps.stepping import NewtonSettings, minimize
 
 PLATE = np.array([[-0.02, -0.02, 0.0], [0.02, -0.02, 0.0], [0.0, 0.03, 0.0]])
 """A small triangle that moves."""

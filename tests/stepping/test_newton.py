@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from yasps import Attribute, Scene, materials
-from yasps.contact.barrier import BarrierContact
-from yasps.meshes.shapes import box, ground
-from yasps.stepping.newton import BackwardEuler, MovingPart, NewtonReport, NewtonSettings, minimize
+from yasps.contact import BarrierContact
+from yasps.meshes import box, ground
+from yasps.stepping import BackwardEuler, MovingPart, NewtonReport, NewtonSettings, minimize
 
 STEP = 0.01
 

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from yasps import Scene, concat_rows
-from yasps.contact.barrier import BarrierContact
-from yasps.meshes.shapes import box
-from yasps.stepping.newton import NewtonSettings, minimize
+from yasps.contact import BarrierContact
+from yasps.meshes import box
+from yasps.stepping import NewtonSettings, minimize
 
 
 def test_a_swinging_box_stops_at_a_fixed_one() -> None:

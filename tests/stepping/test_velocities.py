@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from yasps import Attribute, Scene, materials
-from yasps.stepping.newton import BackwardEuler, MovingPart, NewtonSettings
+from yasps.stepping import BackwardEuler, MovingPart, NewtonSettings
 
 DT = 0.02
 GRAVITY = np.array([0.5, -1.0, -9.8])

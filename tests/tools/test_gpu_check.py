@@ -17,8 +17,9 @@ import pytest
 from cuda_on_host import HostDevice
 
 from benchmarks.__main__ import _parser
+from yasps import NoDeviceError
 from yasps.runtime.build.cuda.nvcc import CudaNotFoundError
-from yasps.runtime.device.driver import NoDeviceError, find_device
+from yasps.runtime.device.driver import find_device
 
 BENCHMARK_OPTIONS = _parser()
 SCRIPT = Path(__file__).parents[2] / "tools" / "gpu_check"

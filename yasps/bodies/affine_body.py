@@ -6,7 +6,7 @@ import numpy as np
 
 from yasps import Scene, SceneError, materials
 from yasps.bodies.body import Body, check_density
-from yasps.meshes.tetrahedral_mesh import TetrahedralMesh
+from yasps.meshes import TetrahedralMesh
 
 
 class AffineBody(Body):

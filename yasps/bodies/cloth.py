@@ -4,8 +4,7 @@ from __future__ import annotations
 
 from yasps import Scene, materials
 from yasps.bodies.body import Body, check_density
-from yasps.meshes.shapes import TriangleMesh
-from yasps.meshes.triangles import hinge_stiffness, hinges_of, triangle_vertex_masses
+from yasps.meshes import TriangleMesh, hinge_stiffness, hinges_of, triangle_vertex_masses
 
 
 class Cloth(Body):

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from yasps import Scene
 from yasps.bodies.body import Body
-from yasps.meshes.shapes import TriangleMesh, ground
+from yasps.meshes import TriangleMesh, ground
 
 
 class Obstacle(Body):

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from yasps import Scene, materials
 from yasps.bodies.body import Body, check_density
-from yasps.meshes.tetrahedral_mesh import TetrahedralMesh
+from yasps.meshes import TetrahedralMesh
 
 
 class SoftBody(Body):

@@ -19,6 +19,7 @@ import ipctk
 import numpy as np
 from numpy.typing import ArrayLike
 
+from yasps import DataError, IntersectionError, SceneError
 from yasps.contact.active_set import ActiveSet, Floats, Ids, active_set_of
 from yasps.contact.surface_arguments import (
     checked_ids,
@@ -28,9 +29,8 @@ from yasps.contact.surface_arguments import (
     labels_of_filter,
     ranges_of_objects,
 )
-from yasps.frontend.errors import DataError, IntersectionError, SceneError
 from yasps.frontend.language.arrays import positive_number, real_numbers
-from yasps.meshes.tetrahedral_mesh import TetrahedralMesh
+from yasps.meshes import TetrahedralMesh
 from yasps.runtime.build.toolchain import find_compiler
 from yasps.runtime.collision.surface_pairs import Surface, SurfacePairs
 from yasps.runtime.core.library import Runtime, load_runtime

@@ -7,8 +7,8 @@ from collections.abc import Mapping
 import numpy as np
 from numpy.typing import ArrayLike
 
+from yasps import ConnectivityError, DataError, SceneError
 from yasps.contact.active_set import Floats, Ids
-from yasps.frontend.errors import ConnectivityError, DataError, SceneError
 from yasps.frontend.language.arrays import plain_array, real_numbers
 
 

@@ -10,7 +10,7 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial.transform import Rotation
 
-from yasps.frontend.errors import YaspsError
+from yasps import YaspsError
 from yasps.frontend.language.arrays import plain_array, real_numbers
 
 Float64Array = npt.NDArray[np.float64]

@@ -20,7 +20,7 @@ from typing import Any, Final, Self, cast
 import numpy as np
 import numpy.typing as npt
 
-from yasps.frontend.errors import YaspsError
+from yasps import YaspsError
 from yasps.frontend.language.arrays import plain_array, real_numbers
 from yasps.output.soft_shadow import soft_shadow
 

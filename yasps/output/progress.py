@@ -12,7 +12,7 @@ from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 from rich.table import Table
 
-from yasps.frontend.errors import DataError, YaspsError
+from yasps import DataError, YaspsError
 
 Clock = Callable[[], float]
 

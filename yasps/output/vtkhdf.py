@@ -22,7 +22,7 @@ import h5py
 import numpy as np
 import numpy.typing as npt
 
-from yasps.frontend.errors import YaspsError
+from yasps import YaspsError
 from yasps.frontend.language.arrays import plain_array
 
 Array = npt.NDArray[Any]

@@ -12,7 +12,6 @@ from itertools import product
 
 import numpy as np
 
-from yasps.runtime.assembly.cuda.gradient import CudaGradient
 from yasps.runtime.core.library import IntArray, LongArray
 from yasps.runtime.device.protocol import Device, DeviceArray, LoadedProgram
 from yasps.runtime.matrix.block_matrix import BlockGroup, _check_layout, _describe_layout
@@ -25,7 +24,7 @@ from yasps.runtime.matrix.cuda.build import (
     find_first_sources,
 )
 
-__all__ = ["BuildScratch", "CudaBlockGroup", "CudaBlockMatrix", "CudaGradient"]
+__all__ = ["BuildScratch", "CudaBlockGroup", "CudaBlockMatrix"]
 
 # The two highest bits of a key carry the flags of a position.
 _KEY_BITS = 62

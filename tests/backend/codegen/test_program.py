@@ -8,11 +8,10 @@ import numpy as np
 import pytest
 from small_scenes import mixed_union, shared_targets, soft_tets, stable_neo_hookean
 
-from yasps import NotFiniteError, Scene
+from yasps import CompilerNotFoundError, NotFiniteError, Scene
 from yasps.backend.codegen.scene_view import SceneView
 from yasps.backend.cpp.object import CppEmitter
 from yasps.frontend.execution.cpu_scene import CpuScene
-from yasps.runtime.build.toolchain import CompilerNotFoundError
 
 
 def _text_of(compiled: CpuScene, name: str) -> str:

@@ -10,8 +10,7 @@ import numpy as np
 import pytest
 from mat_bodies import relative_error
 
-from yasps import Attribute, Scene, identity, materials
-from yasps.frontend.errors import NotFiniteError
+from yasps import Attribute, NotFiniteError, Scene, identity, materials
 from yasps.frontend.execution import scene_source
 from yasps.frontend.execution.cpu_scene import CpuScene
 from yasps.passes.pipeline import run_pipeline

@@ -21,7 +21,7 @@ from yasps.backend.cuda.object import PRELUDE, CudaEmitter
 from yasps.examples.two_bunnies import two_bunnies
 from yasps.frontend.execution.device_report import DeviceCompileReport
 from yasps.frontend.execution.emit import SceneEmitter
-from yasps.meshes.shapes import box
+from yasps.meshes import box
 from yasps.passes.pipeline import run_pipeline
 from yasps.runtime.build.cuda.report import ModuleRow
 from yasps.runtime.build.cuda.sources import runtime_sources

@@ -7,7 +7,7 @@ import pytest
 from numpy.typing import NDArray
 
 from yasps import Scene, materials
-from yasps.meshes.shapes import box
+from yasps.meshes import box
 
 
 def hessian_at(offset: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -22,8 +22,8 @@ EXAMPLES = {
     ''',
     "broken_step": '''
         """Raises what the arguments say."""
-        from yasps.frontend.errors import YaspsError
-        from yasps.runtime.build.toolchain import CompilerNotFoundError
+        from yasps import YaspsError
+        from yasps import CompilerNotFoundError
         def main(arguments=None):
             raise {"user": YaspsError("The box has no vertices."), "stop": KeyboardInterrupt(),
                    "machine": CompilerNotFoundError("Install g++."), "bug": RuntimeError("a bug")}[arguments[0]]

@@ -17,10 +17,7 @@ from device_checks import on_device
 from device_scenes import BODY, close_pairs, contact, free, held, lever
 from small_scenes import mixed_union, soft_tets
 
-from yasps import Scene, SceneError
-from yasps.frontend.errors import DataError
-from yasps.runtime.device.driver import NoDeviceError
-from yasps.runtime.device.protocol import DeviceMemoryError
+from yasps import DataError, DeviceMemoryError, NoDeviceError, Scene, SceneError
 
 has_cuda = pytest.mark.skipif(
     importlib.util.find_spec("cuda") is None, reason="needs the packages of pip install 'yasps[cuda]'"

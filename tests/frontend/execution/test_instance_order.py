@@ -7,12 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 
-from yasps import Scene
+from yasps import Attribute, Connectivity, NotFiniteError, Scene
 from yasps.backend.reference.interpreter import Interpreter
-from yasps.frontend.errors import NotFiniteError
 from yasps.frontend.execution.cpu_scene import CpuScene
-from yasps.frontend.language.attribute import Attribute
-from yasps.frontend.language.connectivity import Connectivity
 from yasps.runtime.matrix.ordering import FEWEST_BLOCKS, instance_order
 
 POINTS = FEWEST_BLOCKS + 100

@@ -5,10 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from yasps import Attribute, Scene
-from yasps.frontend.errors import DataError, NotConvergedError
+from yasps import Attribute, DataError, NotConvergedError, Scene
 from yasps.runtime.solvers.pcg import StopReason
-from yasps.stepping.newton import NewtonSettings
+from yasps.stepping import NewtonSettings
 
 
 def saddle(hold: float, projection: str = "clamp") -> tuple[Scene, Attribute]:

@@ -11,14 +11,12 @@ from refusals import World, assert_refused, make_world
 
 from yasps import Attribute, ConnectivityError, DataError, Scene, SceneError, ShapeMismatchError, YaspsError, constant
 from yasps.backend.reference import scene_data
-from yasps.contact.barrier import BarrierContact
-from yasps.contact.collision_geometry import CollisionGeometry
+from yasps.contact import BarrierContact, CollisionGeometry
 from yasps.materials import gravity, rest_shape, rest_triangles
-from yasps.meshes.isosurface_stuffing import stuff_isosurface
-from yasps.meshes.tetrahedral_mesh import MeshError, TetrahedralMesh, drop_unused_vertices
-from yasps.output.pictures import FramePictures, PictureError, Surface
-from yasps.output.vtkhdf import OutputFileError, VtkHdfSeries
-from yasps.stepping.newton import BackwardEuler, MovingPart
+from yasps.meshes import MeshError, TetrahedralMesh, stuff_isosurface
+from yasps.meshes.tetrahedral_mesh import drop_unused_vertices
+from yasps.output import FramePictures, OutputFileError, PictureError, Surface, VtkHdfSeries
+from yasps.stepping import BackwardEuler, MovingPart
 
 Setter = Callable[[Any, int, tuple[int, int]], Attribute]
 

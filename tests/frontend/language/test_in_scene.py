@@ -12,10 +12,9 @@ import numpy as np
 import pytest
 
 from yasps import Scene, SceneError
-from yasps.contact.barrier import BarrierContact
-from yasps.contact.collision_geometry import CollisionGeometry
+from yasps.contact import BarrierContact, CollisionGeometry
 from yasps.frontend.commands import yasps_opt
-from yasps.stepping.newton import BackwardEuler, MovingPart
+from yasps.stepping import BackwardEuler, MovingPart
 
 COPIES: list[Callable[[Any], object]] = [copy.copy, copy.deepcopy, pickle.dumps]
 

@@ -9,14 +9,12 @@ import numpy as np
 import pytest
 from small_scenes import emit
 
-from yasps import Scene, materials
+from yasps import Scene, as_attribute, contact, select
 from yasps.backend.reference.interpreter import Interpreter
 from yasps.backend.reference.scene_data import load_scene_data
-from yasps.contact import barrier as contact
 from yasps.frontend.commands.yasps_opt import interpreted
 from yasps.frontend.execution.compiled_scene import CompiledScene
 from yasps.frontend.execution.cpu_scene import CpuScene
-from yasps.frontend.language.functions import select
 from yasps.passes.pipeline import run_pipeline
 
 
@@ -36,7 +34,7 @@ def model(stiffness: float, length: float, floor: float, *, projection: str = "c
     p = springs.add_attribute("p", through=ends, source=x)
     d = p.row(0) - p.row(1)
     stretch = 0.5 * stiffness * (d.norm() - length) ** 2 + contact.barrier(
-        d.dot(d), materials.as_attribute(length * 9), materials.as_attribute(stiffness / 7)
+        d.dot(d), as_attribute(length * 9), as_attribute(stiffness / 7)
     )
     scene.add_energy(springs.add_attribute("stretch", computed_attribute=stretch), projection=projection)
     y = springs.add_attribute("y", through=ends, source=shown)

@@ -11,10 +11,9 @@ from types import ModuleType
 import pytest
 from type_checking import ROOT, problems
 
-from yasps import Attribute, Connectivity, Mesh, Primitive, PrimitiveUnion, Scene
+from yasps import Attribute, Connectivity, Mesh, Primitive, PrimitiveBase, PrimitiveUnion, Scene
 from yasps.frontend.language import paper_names
 from yasps.frontend.language.entity import Entity
-from yasps.frontend.language.primitive import PrimitiveBase
 from yasps.frontend.language.spelling import camel_case, snake_case
 
 STUB = ROOT / "frontend" / "language" / "paper_names.pyi"
@@ -55,7 +54,7 @@ TABLE_4 = """
 import numpy as np
 from typing import assert_type
 from yasps import Attribute, Connectivity, Mesh, Primitive, PrimitiveUnion, Scene, addScene, concatRows, scene
-from yasps.frontend.scene import Solution
+from yasps import Solution
 
 s: Scene = scene("s")
 assert_type(addScene("t"), Scene)

@@ -12,7 +12,12 @@ POTENTIAL = (f"{GEOMETRY}::test_active_set_reproduces_ipctk_barrier_potential",)
 MOTION = "tests/contact/test_collision_motion.py"
 KEPT = (f"{MOTION}::test_kept_candidates_find_what_ipctk_finds_anew",)
 SAFE = (f"{MOTION}::test_step_bounds_are_ipctks_and_safe", f"{GEOMETRY}::test_step_bound_stops_before_the_ground")
-CODE, PAIRS, NEAR = "yasps/contact/barrier.py", "runtime/collision/close_pairs.cpp", "runtime/collision/near_pairs.cpp"
+DISTANCES = "yasps/contact/distances.py"
+CODE, PAIRS, NEAR = (
+    "yasps/contact/barrier_contact.py",
+    "runtime/collision/close_pairs.cpp",
+    "runtime/collision/near_pairs.cpp",
+)
 
 MUTATIONS = (
     Mutation(
@@ -59,21 +64,21 @@ MUTATIONS = (
     ),
     Mutation(
         "the distance of lines is measured between their first points",
-        CODE,
+        DISTANCES,
         "offset, first, second = x.row(2) - x.row(0), x.row(1) - x.row(0), x.row(3) - x.row(2)",
         "offset, first, second = x.row(1) - x.row(0), x.row(1) - x.row(0), x.row(3) - x.row(2)",
         IPCTK,
     ),
     Mutation(
         "the plane of a triangle goes through the wrong corners",
-        CODE,
+        DISTANCES,
         "x.row(2) - x.row(1), x.row(3) - x.row(1)",
         "x.row(2) - x.row(1), x.row(3) - x.row(0)",
         IPCTK,
     ),
     Mutation(
         "the distance to a line is divided by one edge length",
-        CODE,
+        DISTANCES,
         "return area.dot(area) / edge.dot(edge)",
         "return area.dot(area) / edge.norm()",
         IPCTK,

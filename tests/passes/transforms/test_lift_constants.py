@@ -11,10 +11,9 @@ from xdsl.dialects.builtin import ModuleOp
 from xdsl.parser import Parser
 from xdsl.passes import ModulePass
 
-from yasps import Attribute, Scene, concat_rows, constant, materials, select
+from yasps import Attribute, Scene, concat_rows, constant, contact, materials, select
 from yasps.backend.reference.interpreter import Interpreter
 from yasps.backend.reference.scene_data import check_scene_data
-from yasps.contact import barrier as contact
 from yasps.dialects.rel import DerivativeOp, StorageOp
 from yasps.frontend.execution.scene_key import text_of_key
 from yasps.passes.pipeline import LIFTING, PIPELINE, make_context, run_pipeline

@@ -8,10 +8,9 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from yasps import Attribute, Scene
+from yasps import Attribute, Scene, contact
 from yasps.backend.codegen.scene_view import SceneView
 from yasps.backend.reference.interpreter import Interpreter
-from yasps.contact import barrier as contact
 
 Energy = Callable[[Attribute], Attribute]
 

@@ -13,8 +13,9 @@ from pathlib import Path
 
 import pytest
 
+from yasps import CacheFolderError
 from yasps.runtime.build import private_folder, toolchain
-from yasps.runtime.build.cache import CacheFolderError, cache_folder, keep, keep_text, kept_text, put_text, text_in
+from yasps.runtime.build.cache import cache_folder, keep, keep_text, kept_text, put_text, text_in
 from yasps.runtime.build.cuda.toolchain import build_program, find_cuda
 from yasps.runtime.build.toolchain import Compiler, Source, compile_sources, link
 

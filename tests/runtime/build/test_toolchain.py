@@ -10,18 +10,10 @@ from pathlib import Path
 
 import pytest
 
+from yasps import CacheFolderError, CompilationError, CompilerNotFoundError
 from yasps.runtime.build import toolchain
 from yasps.runtime.build.cache import put_text
-from yasps.runtime.build.toolchain import (
-    CacheFolderError,
-    CompilationError,
-    Compiler,
-    CompilerNotFoundError,
-    Source,
-    compile_sources,
-    find_compiler,
-    link,
-)
+from yasps.runtime.build.toolchain import Compiler, Source, compile_sources, find_compiler, link
 from yasps.runtime.core.library import runtime_sources
 
 ONE = Source("one", 'extern "C" int one() { return 1; }\n')

@@ -9,7 +9,8 @@ from enum import IntEnum
 
 import pytest
 
-from yasps.runtime.device.driver import CudaDevice, NoDeviceError, device_of, find_device
+from yasps import NoDeviceError
+from yasps.runtime.device.driver import CudaDevice, device_of, find_device
 from yasps.runtime.device.residency import Residency
 
 

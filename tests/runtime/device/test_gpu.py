@@ -14,11 +14,12 @@ from typing import Any
 import numpy as np
 import pytest
 
+from yasps import DeviceError, DeviceMemoryError
 from yasps.runtime.build.toolchain import Source
+from yasps.runtime.device import gpu as cuda_device
 from yasps.runtime.device.disposal import Disposal
 from yasps.runtime.device.gpu import MOST_ARGUMENTS, Gpu, GpuGraph, GpuKernel
-from yasps.runtime.device.protocol import BLOCK, DeviceArray, DeviceError, DeviceMemoryError
-from yasps.runtime.device import gpu as cuda_device
+from yasps.runtime.device.protocol import BLOCK, DeviceArray
 
 if importlib.util.find_spec("cuda") is None:
     pytest.skip("needs the packages of pip install 'yasps[cuda]'", allow_module_level=True)

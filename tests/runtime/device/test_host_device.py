@@ -9,8 +9,9 @@ import numpy as np
 import pytest
 from cuda_on_host import HostDevice
 
+from yasps import DeviceError
 from yasps.runtime.device.disposal import DISPOSAL
-from yasps.runtime.device.protocol import DeviceArray, DeviceError
+from yasps.runtime.device.protocol import DeviceArray
 
 CALLS: dict[str, Callable[[HostDevice, DeviceArray], object]] = {
     "allocate": lambda device, array: device.allocate(8, "more"),

@@ -9,9 +9,10 @@ import pytest
 from cuda_on_host import HostDevice, HostProgram
 from numpy.typing import NDArray
 
+from yasps import DeviceMemoryError
 from yasps.runtime.assembly.cuda.gradient import CudaGradient
 from yasps.runtime.build.cuda.sources import runtime_sources
-from yasps.runtime.device.protocol import DeviceArray, DeviceMemoryError
+from yasps.runtime.device.protocol import DeviceArray
 
 
 @pytest.fixture(scope="module")

@@ -11,6 +11,7 @@ from pathlib import Path
 
 import pytest
 
+from yasps import CompilationError
 from yasps.backend.cuda.object import BLOCKS_AT_ONCE, THREADS
 from yasps.runtime.build.cuda.nvcc import CudaNotFoundError, find_nvcc
 from yasps.runtime.build.cuda.toolchain import (
@@ -20,7 +21,7 @@ from yasps.runtime.build.cuda.toolchain import (
     find_cuda,
     link_program,
 )
-from yasps.runtime.build.toolchain import CompilationError, Source
+from yasps.runtime.build.toolchain import Source
 
 ARCHITECTURES = ("sm_80", "sm_89", "sm_90", "sm_120")
 

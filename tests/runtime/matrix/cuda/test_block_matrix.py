@@ -12,9 +12,10 @@ import pytest
 from cuda_on_host import HostDevice, HostMemory, HostProgram
 from numpy.typing import NDArray
 
+from yasps import DeviceMemoryError
 from yasps.runtime.build.cuda.sources import runtime_sources
 from yasps.runtime.core.library import Runtime
-from yasps.runtime.device.protocol import DeviceArray, DeviceMemoryError
+from yasps.runtime.device.protocol import DeviceArray
 from yasps.runtime.matrix.block_matrix import BlockMatrix
 from yasps.runtime.matrix.cuda.block_matrix import BuildScratch, CudaBlockMatrix
 

@@ -11,8 +11,8 @@ from device_systems import Maker, Structure, load_solver_program, random_structu
 
 from yasps.runtime.build.cuda.sources import runtime_sources
 from yasps.runtime.core.library import Runtime
-from yasps.runtime.device.protocol import blocks_for_sum
 from yasps.runtime.device import protocol as device
+from yasps.runtime.device.protocol import blocks_for_sum
 from yasps.runtime.matrix.cuda.block_matrix import CudaBlockMatrix
 from yasps.runtime.solvers.cuda.pcg import least_bytes_per_iteration
 from yasps.runtime.solvers.pcg import PcgSolver, SolveReport, StopReason

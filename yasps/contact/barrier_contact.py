@@ -16,15 +16,13 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
+from yasps import Attribute, FloatArray, IntersectionError, Mesh, Primitive, PrimitiveBase, PrimitiveUnion, SceneError
 from yasps.contact.active_set import ActiveSet, MollifiedPairs, Pairs
 from yasps.contact.collision_geometry import Candidates, CollisionGeometry
+from yasps.contact.distances import squared_line_line, squared_point_line, squared_point_plane, squared_point_point
 from yasps.contact.surface_arguments import checked_points
-from yasps.frontend.errors import IntersectionError, SceneError
 from yasps.frontend.language.arrays import positive_number
-from yasps.frontend.language.attribute import Attribute, FloatArray
 from yasps.frontend.language.in_scene import InScene
-from yasps.frontend.language.mesh import Mesh
-from yasps.frontend.language.primitive import Primitive, PrimitiveBase, PrimitiveUnion
 from yasps.frontend.language.scene_lock import one_thread_at_a_time
 
 LOGGER = logging.getLogger("yasps")
@@ -38,35 +36,6 @@ def barrier(squared_distance: Attribute, squared_reach: Attribute, stiffness: At
     gap = squared_distance - squared_reach
     ratio = (squared_distance / squared_reach).log()
     return stiffness * gap * gap * ratio * ratio
-
-
-def squared_point_point(x: Attribute) -> Attribute:
-    """Squared distance of points 0 and 1."""
-    offset = x.row(1) - x.row(0)
-    return offset.dot(offset)
-
-
-def squared_point_line(x: Attribute) -> Attribute:
-    """Squared distance of point 0 and the line through 1 and 2."""
-    edge = x.row(2) - x.row(1)
-    area = (x.row(1) - x.row(0)).cross(edge)  # of both ways to the ends, a tiny edge would be lost in their rounding
-    return area.dot(area) / edge.dot(edge)
-
-
-def squared_point_plane(x: Attribute) -> Attribute:
-    """Squared distance of point 0 and the plane through 1, 2 and 3."""
-    offset, first, second = x.row(0) - x.row(1), x.row(2) - x.row(1), x.row(3) - x.row(1)
-    normal = first.cross(second)
-    height = offset.dot(normal)
-    return height * height / normal.dot(normal)
-
-
-def squared_line_line(x: Attribute) -> Attribute:
-    """Squared distance of the line through 0 and 1 and the line through 2 and 3."""
-    offset, first, second = x.row(2) - x.row(0), x.row(1) - x.row(0), x.row(3) - x.row(2)
-    normal = first.cross(second)
-    height = offset.dot(normal)
-    return height * height / normal.dot(normal)
 
 
 def mollifier(first: Attribute, second: Attribute, threshold: Attribute) -> Attribute:

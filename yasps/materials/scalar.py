@@ -1,0 +1,5 @@
+"""What energies take for a number."""
+
+from yasps import Attribute
+
+Scalar = Attribute | float
