@@ -1,9 +1,11 @@
-"""Writes the excerpts of docs/architecture.md anew from a fresh dump: `python docs/update_excerpts.py`.
+"""Writes what documents show of the compiler anew: `python docs/update_excerpts.py`.
 
-Which lines are shown is what the document says now: each line of an excerpt is looked for in the dumped file, best as
-it stands, else with other value numbers, else as the most similar line, in the order of the excerpt; `...` goes where
-lines have come between. What `yasps-opt` prints is replaced as a whole. A line of which nothing is left is an error and
-nothing is written: edit that excerpt by hand. Look at `git diff` afterwards, numbers in the prose included.
+In docs/language.md these are the lines of the functions in `dialects/scalar/functions.py`, in docs/architecture.md
+excerpts from a fresh dump. Which lines are shown is what the document says now: each line of an excerpt is looked for
+in the dumped file, best as it stands, else with other value numbers, else as the most similar line, in the order of
+the excerpt; `...` goes where lines have come between. What `yasps-opt` prints is replaced as a whole. A line of which
+nothing is left is an error and nothing is written: edit that excerpt by hand. Look at `git diff` afterwards, numbers
+in the prose included.
 """
 
 from __future__ import annotations
@@ -18,9 +20,11 @@ from pathlib import Path
 
 import numpy as np
 
+from yasps.dialects.scalar.functions import FUNCTIONS
 from yasps.frontend.commands import yasps_opt
 
 DOCUMENT = Path(__file__).with_name("architecture.md")
+LANGUAGE = Path(__file__).with_name("language.md")
 HASH = re.compile(r"yasps_([0-9a-f]{20}|[A-Z])_")
 EXCERPT = re.compile(r"^```(mlir|cpp)\n// (\S+)\n(.*?)^```$", re.MULTILINE | re.DOTALL)
 COMMAND = re.compile(r"^\$ yasps-opt (.*)\n((?:energy .*\n)+)", re.MULTILINE)
@@ -30,6 +34,18 @@ LEAST_SIMILAR = 0.7
 
 class ExcerptError(Exception):
     """A line of the document has no counterpart in the dump."""
+
+
+def with_functions(text: str) -> str:
+    """docs/language.md with a line for each function of the table, between those of `mat.pow` and `mat.hypot`."""
+    start = text.index("\n", text.index("| `mat.pow` |")) + 1
+    end = text.index("| `mat.hypot` |")
+    lines = []
+    for function in FUNCTIONS:
+        low, high = function.domain
+        inside = "" if low == -np.inf else f", of [{low:g}, {high:g}]" if high < np.inf else f", a >= {low:g}"
+        lines.append(f"| `mat.{function.name}` | `a.{function.name}()` | any{inside} | {function.tangent} |\n")
+    return text[:start] + "".join(lines) + text[end:]
 
 
 def dump_example(text: str, folder: Path) -> Path:
@@ -163,7 +179,8 @@ def _places(file: str, shown: list[str], real: list[str]) -> list[int]:
 
 
 def main() -> int:
-    """Rewrites the document; returns the exit status."""
+    """Rewrites the documents; returns the exit status."""
+    LANGUAGE.write_text(with_functions(LANGUAGE.read_text(encoding="utf-8")), encoding="utf-8")
     text = DOCUMENT.read_text(encoding="utf-8")
     with tempfile.TemporaryDirectory() as folder:
         try:

@@ -216,6 +216,11 @@ def test_every_operation_has_its_line() -> None:
     assert sorted(lines) == sorted(operation.name for operation in OPERATIONS)
 
 
+def test_lines_of_functions_are_those_of_the_table() -> None:
+    text = LANGUAGE.read_text(encoding="utf-8")
+    assert text == update_excerpts.with_functions(text), "run `python docs/update_excerpts.py`"
+
+
 def test_every_error_has_its_line() -> None:
     named = {n for n, v in vars(errors).items() if isinstance(v, type) and issubclass(v, errors.YaspsError)}
     documented = set(re.findall(r"^\| `(\w+Error)`", LANGUAGE.read_text(encoding="utf-8"), re.MULTILINE))

@@ -37,7 +37,7 @@ from yasps.frontend.language.attribute import (
     zeros,
 )
 from yasps.frontend.language.connectivity import Connectivity
-from yasps.frontend.language.functions import atan2, maximum, minimum, select, stumpff
+from yasps.frontend.language.functions import atan2, hypot, maximum, minimum, select, stumpff
 from yasps.frontend.language.mesh import Mesh
 from yasps.frontend.language.primitive import Primitive, PrimitiveBase, PrimitiveUnion
 from yasps.frontend.scene import Scene, Solution, add_scene, scene
@@ -103,6 +103,7 @@ __all__ = [
     "concat_cols",
     "concat_rows",
     "constant",
+    "hypot",
     "identity",
     "maximum",
     "minimum",

@@ -9,6 +9,8 @@ from xdsl.dialects import arith, func, math
 from xdsl.dialects.builtin import FloatAttr, IntegerAttr
 from xdsl.ir import Operation, SSAValue
 
+from yasps.dialects.scalar.functions import FUNCTIONS
+
 INFIX: dict[type[Operation], str] = {
     arith.AddfOp: "+",
     arith.SubfOp: "-",
@@ -16,15 +18,7 @@ INFIX: dict[type[Operation], str] = {
     arith.DivfOp: "/",
 }
 CALLS: dict[type[Operation], str] = {
-    math.SqrtOp: "sqrt",
-    math.ExpOp: "exp",
-    math.LogOp: "log",
-    math.SinOp: "sin",
-    math.CosOp: "cos",
-    math.TanOp: "tan",
-    math.AsinOp: "asin",
-    math.AcosOp: "acos",
-    math.AtanOp: "atan",
+    **{function.operation: function.name for function in FUNCTIONS},
     math.PowFOp: "pow",
     math.Atan2Op: "atan2",
     math.AbsFOp: "fabs",

@@ -42,6 +42,7 @@ from yasps.dialects.rel import (
     YieldOp,
     name_of,
 )
+from yasps.dialects.scalar.functions import FUNCTIONS
 
 SCALAR_OPERATIONS: dict[type[Operation], Callable[..., Any]] = {
     arith.AddfOp: np.add,
@@ -49,15 +50,7 @@ SCALAR_OPERATIONS: dict[type[Operation], Callable[..., Any]] = {
     arith.MulfOp: np.multiply,
     arith.DivfOp: np.divide,
     arith.NegfOp: np.negative,
-    math.SqrtOp: np.sqrt,
-    math.ExpOp: np.exp,
-    math.LogOp: np.log,
-    math.SinOp: np.sin,
-    math.CosOp: np.cos,
-    math.TanOp: np.tan,
-    math.AsinOp: np.arcsin,
-    math.AcosOp: np.arccos,
-    math.AtanOp: np.arctan,
+    **{function.operation: function.evaluate for function in FUNCTIONS},
     math.PowFOp: np.power,
     math.Atan2Op: arctan2,
     math.AbsFOp: absolute,

@@ -91,6 +91,10 @@ class MatBuilder:
     def add(self, a: SSAValue, b: SSAValue) -> SSAValue:
         return self.emit(elementwise.AddOp, [a, b])
 
+    def plus(self, a: SSAValue, number: float) -> SSAValue:
+        """The number added to every entry."""
+        return self.add(a, self.constant(np.full(shape_of(a), number)))
+
     def sub(self, a: SSAValue, b: SSAValue) -> SSAValue:
         return self.emit(elementwise.SubOp, [a, b])
 
@@ -117,13 +121,11 @@ class MatBuilder:
         return self.emit(elementwise.PowOp, [a], {"exponent": FloatAttr(exponent, f64)})
 
     def sqrt(self, a: SSAValue) -> SSAValue:
-        return self.emit(elementwise.SqrtOp, [a])
+        return self.apply("sqrt", a)
 
-    def sin(self, a: SSAValue) -> SSAValue:
-        return self.emit(trigonometry.SinOp, [a])
-
-    def cos(self, a: SSAValue) -> SSAValue:
-        return self.emit(trigonometry.CosOp, [a])
+    def apply(self, name: str, a: SSAValue) -> SSAValue:
+        """A function of the table in `dialects/scalar/functions.py`, entry by entry."""
+        return self.emit(elementwise.TABLED[name], [a])
 
     def stumpff(self, order: int, s: SSAValue) -> SSAValue:
         return self.emit(trigonometry.StumpffOp, [s], {"order": IntegerAttr(order, i64)})

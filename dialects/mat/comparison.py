@@ -205,7 +205,6 @@ class AbsOp(EntrywiseFunction):
     """
 
     name = "mat.abs"
-    FUNCTION: ClassVar = "abs"
 
     def evaluate(self, *inputs: Batch) -> Batch:
         return absolute(inputs[0])
@@ -217,6 +216,9 @@ class AbsOp(EntrywiseFunction):
         x = self.operands[0]
         one = b.constant(np.ones(shape_of(x)))
         return b.select(b.less(x, b.zeros(shape_of(x))), b.neg(one), one)
+
+    def lower(self, s: ScalarGraph, *inputs: Sequence[Node]) -> list[Node]:
+        return [s.unary("abs", a) for a in inputs[0]]
 
 
 OPS = (CompareOp, SelectOp, MinOp, MaxOp, AbsOp)

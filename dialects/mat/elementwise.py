@@ -6,12 +6,12 @@ import abc
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, ClassVar, cast
 
-import numpy as np
 from xdsl.dialects.builtin import FloatAttr
 from xdsl.ir import Attribute, SSAValue
 from xdsl.irdl import irdl_op_definition, prop_def
 
 from yasps.dialects.mat.base import Batch, MatOp, Shape, ShapeError, is_one, is_zero, same_shapes, spell
+from yasps.dialects.scalar.functions import FUNCTIONS, ScalarFunction
 from yasps.dialects.scalar.graph import Node, ScalarGraph
 
 if TYPE_CHECKING:
@@ -226,8 +226,6 @@ class EntrywiseFunction(MatOp, abc.ABC):
     """y = f(x) on every entry."""
 
     ARITY: ClassVar = 1
-    FUNCTION: ClassVar[str]
-    """Its name in NumPy and in `ScalarGraph.unary`."""
 
     @classmethod
     def infer(cls, shapes: Sequence[Shape], properties: dict[str, Attribute]) -> Shape:
@@ -237,51 +235,44 @@ class EntrywiseFunction(MatOp, abc.ABC):
     def derivative(self, b: MatBuilder) -> SSAValue:
         """f'(x), entry by entry."""
 
-    def evaluate(self, *inputs: Batch) -> Batch:
-        names = {"asin": "arcsin", "acos": "arccos", "atan": "arctan"}
-        return cast(Batch, getattr(np, names.get(self.FUNCTION, self.FUNCTION))(inputs[0]))
-
     def pushforward(self, b: MatBuilder, tangents: Sequence[SSAValue | None]) -> SSAValue | None:
         return tangents[0] and b.hadamard(self.derivative(b), tangents[0])
 
     def pullback(self, b: MatBuilder, cotangent: SSAValue) -> Sequence[SSAValue | None]:
         return (b.hadamard(self.derivative(b), cotangent),)
 
+
+class TabledFunction(EntrywiseFunction):
+    """A function of the table in `dialects/scalar/functions.py`."""
+
+    FUNCTION: ClassVar[ScalarFunction]
+
+    def evaluate(self, *inputs: Batch) -> Batch:
+        return self.FUNCTION.evaluate(inputs[0])
+
+    def derivative(self, b: MatBuilder) -> SSAValue:
+        return self.FUNCTION.derivative(b, self.operands[0], self.result)
+
     def lower(self, s: ScalarGraph, *inputs: Sequence[Node]) -> list[Node]:
-        return [s.unary(self.FUNCTION, a) for a in inputs[0]]
+        return [s.unary(self.FUNCTION.name, a) for a in inputs[0]]
 
 
-@irdl_op_definition
-class SqrtOp(EntrywiseFunction):
-    """Square root; its derivative is infinite at 0."""
+def _operation(function: ScalarFunction) -> type[TabledFunction]:
+    @irdl_op_definition
+    class Operation(TabledFunction):
+        __doc__ = f"{function.about} of every entry."
+        name = f"mat.{function.name}"
+        FUNCTION: ClassVar = function
 
-    name = "mat.sqrt"
-    FUNCTION: ClassVar = "sqrt"
-
-    def derivative(self, b: MatBuilder) -> SSAValue:
-        return b.scale(b.number(0.5), b.power(self.result, -1.0))
-
-
-@irdl_op_definition
-class ExpOp(EntrywiseFunction):
-    """Exponential."""
-
-    name = "mat.exp"
-    FUNCTION: ClassVar = "exp"
-
-    def derivative(self, b: MatBuilder) -> SSAValue:
-        return self.result
+    Operation.__name__ = Operation.__qualname__ = f"{function.name.capitalize()}Op"
+    return Operation
 
 
-@irdl_op_definition
-class LogOp(EntrywiseFunction):
-    """Natural logarithm."""
-
-    name = "mat.log"
-    FUNCTION: ClassVar = "log"
-
-    def derivative(self, b: MatBuilder) -> SSAValue:
-        return b.power(self.operands[0], -1.0)
+TABLED = {function.name: _operation(function) for function in FUNCTIONS}
+"""The operation of each function of the table, by its name."""
+SqrtOp = TABLED["sqrt"]
+SinOp, CosOp, TanOp = TABLED["sin"], TABLED["cos"], TABLED["tan"]
+"""Those that passes look for."""
 
 
 @irdl_op_definition
@@ -289,7 +280,6 @@ class PowOp(EntrywiseFunction):
     """x ** p with a constant exponent p; integer exponents are exact products, for any sign of x."""
 
     name = "mat.pow"
-    FUNCTION: ClassVar = "pow"
     exponent = prop_def(FloatAttr)
 
     @property
@@ -319,4 +309,4 @@ class PowOp(EntrywiseFunction):
         return [s.power(a, self.power) for a in inputs[0]]
 
 
-OPS = (AddOp, SubOp, NegOp, HadamardOp, ScaleOp, DivideOp, SqrtOp, ExpOp, LogOp, PowOp)
+OPS: tuple[type[MatOp], ...] = (AddOp, SubOp, NegOp, HadamardOp, ScaleOp, DivideOp, PowOp, *TABLED.values())

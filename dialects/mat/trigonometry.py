@@ -1,4 +1,4 @@
-"""`mat` operations of trigonometry, entry by entry; angles in radians."""
+"""`mat` operations on two coordinates, and Stumpff functions, entry by entry; angles in radians."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from xdsl.dialects.builtin import IntegerAttr
 from xdsl.ir import Attribute, SSAValue
 from xdsl.irdl import irdl_op_definition, prop_def
 
-from yasps.dialects.mat.base import Batch, MatOp, Shape, ShapeError, same_shapes, shape_of
+from yasps.dialects.mat.base import Batch, MatOp, Shape, ShapeError, same_shapes
 from yasps.dialects.mat.elementwise import EntrywiseFunction
 from yasps.dialects.scalar.graph import Node, ScalarGraph
 
@@ -24,68 +24,6 @@ LARGEST_OF_SERIES = 4.0
 """Up to this argument Stumpff functions are series; beyond, the closed forms cancel no more than two digits."""
 LAST_OF_SERIES = 32
 """The series end with the term of 1 / 32!, less than 1e-17 of the first for every order."""
-
-
-@irdl_op_definition
-class SinOp(EntrywiseFunction):
-    """Sine."""
-
-    name = "mat.sin"
-    FUNCTION: ClassVar = "sin"
-
-    def derivative(self, b: MatBuilder) -> SSAValue:
-        return b.cos(self.operands[0])
-
-
-@irdl_op_definition
-class CosOp(EntrywiseFunction):
-    """Cosine."""
-
-    name = "mat.cos"
-    FUNCTION: ClassVar = "cos"
-
-    def derivative(self, b: MatBuilder) -> SSAValue:
-        return b.neg(b.sin(self.operands[0]))
-
-
-@irdl_op_definition
-class TanOp(EntrywiseFunction):
-    """Tangent."""
-
-    name = "mat.tan"
-    FUNCTION: ClassVar = "tan"
-
-    def derivative(self, b: MatBuilder) -> SSAValue:
-        # 1 + tan^2
-        return b.add(b.constant(np.ones(shape_of(self.result))), b.power(self.result, 2.0))
-
-
-def _arcsine_derivative(b: MatBuilder, x: SSAValue) -> SSAValue:
-    """1 / sqrt((1 - x) (1 + x)), which does not cancel near 1 and -1."""
-    one = b.constant(np.ones(shape_of(x)))
-    return b.power(b.sqrt(b.hadamard(b.sub(one, x), b.add(one, x))), -1.0)
-
-
-@irdl_op_definition
-class AsinOp(EntrywiseFunction):
-    """Arc sine, of [-1, 1]; its derivative is infinite at -1 and 1."""
-
-    name = "mat.asin"
-    FUNCTION: ClassVar = "asin"
-
-    def derivative(self, b: MatBuilder) -> SSAValue:
-        return _arcsine_derivative(b, self.operands[0])
-
-
-@irdl_op_definition
-class AcosOp(EntrywiseFunction):
-    """Arc cosine, of [-1, 1]; its derivative is infinite at -1 and 1."""
-
-    name = "mat.acos"
-    FUNCTION: ClassVar = "acos"
-
-    def derivative(self, b: MatBuilder) -> SSAValue:
-        return b.neg(_arcsine_derivative(b, self.operands[0]))
 
 
 def arctan2(y: Batch, x: Batch) -> Batch:
@@ -135,6 +73,48 @@ class Atan2Op(MatOp):
         return [s.binary("atan2", y, x) for y, x in zip(*inputs, strict=True)]
 
 
+@irdl_op_definition
+class HypotOp(MatOp):
+    """sqrt(x^2 + y^2) without overflow between; it has no derivative at (0, 0)."""
+
+    name = "mat.hypot"
+    ARITY: ClassVar = 2
+
+    @classmethod
+    def infer(cls, shapes: Sequence[Shape], properties: dict[str, Attribute]) -> Shape:
+        return same_shapes("a length by hypot", shapes)
+
+    def evaluate(self, *inputs: Batch) -> Batch:
+        x, y = inputs
+        if np.iscomplexobj(x) or np.iscomplexobj(y):
+            return cast(Batch, np.sqrt(x * x + y * y))
+        return cast(Batch, np.hypot(np.asarray(x, float), np.asarray(y, float)))
+
+    def pushforward(self, b: MatBuilder, tangents: Sequence[SSAValue | None]) -> SSAValue | None:
+        x, y = self.operands
+        inverse = b.power(self.result, -1.0)
+        dx, dy = tangents
+        by_x, by_y = b.hadamard(x, inverse), b.hadamard(y, inverse)
+        return b.total((dx and b.hadamard(by_x, dx), dy and b.hadamard(by_y, dy)))
+
+    def pullback(self, b: MatBuilder, cotangent: SSAValue) -> Sequence[SSAValue | None]:
+        x, y = self.operands
+        inverse = b.power(self.result, -1.0)
+        return (b.hadamard(b.hadamard(x, inverse), cotangent), b.hadamard(b.hadamard(y, inverse), cotangent))
+
+    def lower(self, s: ScalarGraph, *inputs: Sequence[Node]) -> list[Node]:
+        return [_hypot_node(s, x, y) for x, y in zip(*inputs, strict=True)]
+
+
+def _hypot_node(s: ScalarGraph, x: Node, y: Node) -> Node:
+    """The longer leg times sqrt(1 + (shorter / longer)^2)."""
+    a, b = s.unary("abs", x), s.unary("abs", y)
+    longer, shorter = s.binary("max", a, b), s.binary("min", a, b)
+    ratio = s.div(shorter, longer)
+    length = s.mul(longer, s.unary("sqrt", s.add(s.one, s.mul(ratio, ratio))))
+    return s.select(s.compare("le", longer, s.zero), longer, length)
+
+
 def stumpff(order: int, s: Batch) -> Batch:
     """c_k(s) = 1/k! - s/(k + 2)! + s^2/(k + 4)! - ..., entry by entry, for s >= 0; complex too (complex step)."""
     s = np.asarray(s)
@@ -159,7 +139,6 @@ class StumpffOp(EntrywiseFunction):
     """
 
     name = "mat.stumpff"
-    FUNCTION: ClassVar = "stumpff"
     order = prop_def(IntegerAttr)
 
     @property
@@ -200,4 +179,4 @@ def _stumpff_node(s: ScalarGraph, order: int, a: Node) -> Node:
     return s.select(is_small, series, closed)
 
 
-OPS = (SinOp, CosOp, TanOp, AsinOp, AcosOp, Atan2Op, StumpffOp)
+OPS = (Atan2Op, HypotOp, StumpffOp)

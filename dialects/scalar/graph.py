@@ -13,18 +13,12 @@ import math
 import operator
 from collections.abc import Callable, Collection, Sequence
 
+from yasps.dialects.scalar.functions import FUNCTIONS
+
 Node = int
 
 UNARY_FUNCTIONS: dict[str, Callable[[float], float]] = {
-    "sqrt": math.sqrt,
-    "exp": math.exp,
-    "log": math.log,
-    "sin": math.sin,
-    "cos": math.cos,
-    "tan": math.tan,
-    "asin": math.asin,
-    "acos": math.acos,
-    "atan": math.atan,
+    **{function.name: function.of_float for function in FUNCTIONS},
     "abs": abs,
 }
 BINARY_FUNCTIONS: dict[str, Callable[[float, float], float]] = {"min": min, "max": max, "atan2": math.atan2}

@@ -27,11 +27,11 @@ from yasps.dialects.mat import (
     matrix_type,
     spell,
     structure,
-    trigonometry,
 )
 from yasps.dialects.mat.base import dense
 from yasps.frontend.errors import DataError, LineageError, SceneError, ShapeMismatchError
 from yasps.frontend.language.arrays import in_instances, real_numbers
+from yasps.frontend.language.entrywise import EntrywiseFunctions
 from yasps.frontend.language.in_scene import InScene
 from yasps.frontend.language.paper_names import AttributeNames
 from yasps.frontend.language.scene_lock import SceneLock, one_thread_at_a_time
@@ -147,7 +147,7 @@ class ComputedValue:
 
 
 @both_spellings
-class Attribute(AttributeNames, InScene):
+class Attribute(AttributeNames, EntrywiseFunctions, InScene):
     """A rows x cols matrix on every instance of its owner.
 
     Arithmetic gives new attributes: `+`, `-`, `*` (matrix product, or a 1x1 value times a matrix), `/` by a 1x1 value,
@@ -389,6 +389,9 @@ class Attribute(AttributeNames, InScene):
     def __abs__(self) -> Attribute:
         return self.abs()
 
+    def _apply(self, operation: type[elementwise.TabledFunction]) -> Attribute:
+        return combine(operation, [self])
+
     def abs(self) -> Attribute:
         """Absolute value of every entry; also `abs(a)`."""
         return combine(comparison.AbsOp, [self])
@@ -396,38 +399,6 @@ class Attribute(AttributeNames, InScene):
     def hadamard(self, other: Any) -> Attribute:
         """Entry-wise product."""
         return combine(elementwise.HadamardOp, [self, as_attribute(other)])
-
-    def sqrt(self) -> Attribute:
-        """Square root of every entry."""
-        return combine(elementwise.SqrtOp, [self])
-
-    def exp(self) -> Attribute:
-        """Exponential of every entry."""
-        return combine(elementwise.ExpOp, [self])
-
-    def log(self) -> Attribute:
-        """Natural logarithm of every entry."""
-        return combine(elementwise.LogOp, [self])
-
-    def sin(self) -> Attribute:
-        """Sine of every entry."""
-        return combine(trigonometry.SinOp, [self])
-
-    def cos(self) -> Attribute:
-        """Cosine of every entry."""
-        return combine(trigonometry.CosOp, [self])
-
-    def tan(self) -> Attribute:
-        """Tangent of every entry."""
-        return combine(trigonometry.TanOp, [self])
-
-    def asin(self) -> Attribute:
-        """Arc sine of every entry."""
-        return combine(trigonometry.AsinOp, [self])
-
-    def acos(self) -> Attribute:
-        """Arc cosine of every entry."""
-        return combine(trigonometry.AcosOp, [self])
 
     # -- linear algebra ------------------------------------------------------------------------------------
 

@@ -1,4 +1,4 @@
-"""Functions of several attributes, as users write them: `select`, `minimum`, `maximum`, `atan2`, `stumpff`."""
+"""Functions of several attributes, as users write them: `select`, `minimum`, `maximum`, `atan2`, `hypot`, `stumpff`."""
 
 from __future__ import annotations
 
@@ -49,6 +49,12 @@ def maximum(a: Any, b: Any) -> Attribute:
 def atan2(y: Any, x: Any) -> Attribute:
     """The angle of the point (x, y), in radians of (-pi, pi], entry by entry; no derivative at (0, 0)."""
     return combine(trigonometry.Atan2Op, broadcast(trigonometry.Atan2Op, y, x))
+
+
+def hypot(x: Any, y: Any) -> Attribute:
+    """The distance sqrt(x^2 + y^2) of the point (x, y) from 0, entry by entry, without overflow between; no derivative
+    at (0, 0)."""
+    return combine(trigonometry.HypotOp, broadcast(trigonometry.HypotOp, x, y))
 
 
 def stumpff(order: int, s: Any) -> Attribute:

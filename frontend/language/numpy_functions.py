@@ -11,9 +11,10 @@ from typing import Any, NoReturn
 
 import numpy as np
 
+from yasps.dialects.scalar.functions import FUNCTIONS
 from yasps.frontend.errors import SceneError, ShapeMismatchError
 from yasps.frontend.language.attribute import Attribute, as_attribute, concat_cols, concat_rows
-from yasps.frontend.language.functions import atan2, maximum, minimum, select
+from yasps.frontend.language.functions import atan2, hypot, maximum, minimum, select
 
 
 def call_ufunc(ufunc: np.ufunc, method: str, inputs: Sequence[Any], keywords: Mapping[str, Any]) -> Attribute:
@@ -111,14 +112,8 @@ _UFUNCS: dict[np.ufunc, Callable[..., Attribute]] = {
     np.minimum: minimum,
     np.arctan2: atan2,
     np.absolute: _method("abs"),
-    np.sqrt: _method("sqrt"),
-    np.exp: _method("exp"),
-    np.log: _method("log"),
-    np.sin: _method("sin"),
-    np.cos: _method("cos"),
-    np.tan: _method("tan"),
-    np.arcsin: _method("asin"),
-    np.arccos: _method("acos"),
+    np.hypot: hypot,
+    **{function.ufunc: _method(function.name) for function in FUNCTIONS},
 }
 
 _FUNCTIONS: dict[Any, Callable[..., Any]] = {

@@ -1,5 +1,5 @@
 # ruff: noqa: N802
-"""The paper's spelling for type checkers. Written by tools/write_paper_names.py from the classes themselves."""
+"""The paper's spelling for type checkers. Written by tools/write_stubs.py from the classes themselves."""
 
 from collections.abc import Sequence
 from pathlib import Path

@@ -27,7 +27,7 @@ from xdsl.dialects.builtin import ModuleOp
 from xdsl.ir import Block, Region, SSAValue
 from xdsl.passes import ModulePass
 
-from yasps.dialects.mat import MatOp, algebra, elementwise, shape_of, structure, trigonometry
+from yasps.dialects.mat import MatOp, algebra, elementwise, shape_of, structure
 from yasps.dialects.mat.base import constant_value, is_zero
 from yasps.dialects.rel import AttributeOp, ReadOp, YieldOp
 from yasps.passes.bodies import BodyBuilder, containers
@@ -143,9 +143,9 @@ class _Folding:
         b, parts = self.b, [self._of(operand) for operand in operands]
         powers: Mapping[SSAValue, float]
         rest: Lazily | None
-        if isinstance(op, elementwise.SqrtOp | elementwise.PowOp):
+        if isinstance(op, (elementwise.SqrtOp, elementwise.PowOp)):
             (part,) = parts
-            exponent = 0.5 if isinstance(op, elementwise.SqrtOp) else op.power
+            exponent = op.power if isinstance(op, elementwise.PowOp) else 0.5
             if shape_of(op.result) != (1, 1) or (exponent != int(exponent) and not _is_positive(part)):
                 return None
             powers = {v: e * exponent for v, e in part.powers.items()}
@@ -180,19 +180,19 @@ class _Folding:
         b, op = self.b, value.owner
         if shape_of(value) != (1, 1):
             return None
-        if isinstance(op, trigonometry.SinOp):
+        if isinstance(op, elementwise.SinOp):
             return self._vanishes(1, op.operands[0], lambda s: b.stumpff(1, s))
-        if isinstance(op, trigonometry.TanOp):
+        if isinstance(op, elementwise.TanOp):
             angle = op.operands[0]
-            return self._vanishes(1, angle, lambda s: b.divide(b.stumpff(1, s), b.cos(angle)))
+            return self._vanishes(1, angle, lambda s: b.divide(b.stumpff(1, s), b.apply("cos", angle)))
         if not isinstance(op, elementwise.AddOp | elementwise.SubOp):
             return None
         terms = [_signed(op.operands[0], 1), _signed(op.operands[1], -1 if isinstance(op, elementwise.SubOp) else 1)]
         for (sign, first), (other_sign, second) in (terms, reversed(terms)):
             known, function = constant_value(first), second.owner
-            if isinstance(function, trigonometry.CosOp) and known is not None and known.item() == -sign * other_sign:
+            if isinstance(function, elementwise.CosOp) and known is not None and known.item() == -sign * other_sign:
                 return self._vanishes(2, function.operands[0], _with_sign(b, -other_sign, 2))
-            if isinstance(function, trigonometry.SinOp) and function.operands[0] is first and sign == -other_sign:
+            if isinstance(function, elementwise.SinOp) and function.operands[0] is first and sign == -other_sign:
                 return self._vanishes(3, first, _with_sign(b, sign, 3))
         return None
 

@@ -38,6 +38,7 @@ from yasps.dialects.rel import (
     name_of,
     packed_size,
 )
+from yasps.dialects.scalar.functions import FUNCTIONS
 from yasps.dialects.scalar.graph import Node, ScalarGraph
 from yasps.dialects.scalar.tidying import tidied
 from yasps.passes.analysis.dependence import size_of
@@ -58,15 +59,7 @@ COMPARISONS = {"lt": "olt", "le": "ole", "ne": "one"}
 """Ordered predicates of `arith.cmpf`: false on NaN."""
 UNARY: dict[str, Callable[[SSAValue], Operation]] = {
     "neg": arith.NegfOp,
-    "sqrt": math.SqrtOp,
-    "exp": math.ExpOp,
-    "log": math.LogOp,
-    "sin": math.SinOp,
-    "cos": math.CosOp,
-    "tan": math.TanOp,
-    "asin": math.AsinOp,
-    "acos": math.AcosOp,
-    "atan": math.AtanOp,
+    **{function.name: function.operation for function in FUNCTIONS},
     "abs": math.AbsFOp,
 }
 

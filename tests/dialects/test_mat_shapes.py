@@ -45,6 +45,7 @@ WRONG: list[tuple[str, tuple[Shape, ...], dict[str, Attribute], str]] = [
     ("project_psd", ((2, 3),), {"mode": StringAttr("clamp")}, "a projection needs a square matrix, got 2x3"),
     ("project_psd", ((2, 2),), {"mode": StringAttr("none")}, "mode must be one of clamp, abs, got 'none'"),
     ("atan2", ((2, 1), (1, 2)), {}, "an angle by atan2 needs equal shapes, got 2x1 and 1x2"),
+    ("hypot", ((2, 1), (1, 2)), {}, "a length by hypot needs equal shapes, got 2x1 and 1x2"),
     ("over_norm", ((2, 1), (2, 1), (2, 1)), {}, "a norm must be 1x1, got 2x1"),
     ("over_norm", ((2, 1), (1, 1), (1, 2)), {}, "a quotient and its limit needs equal shapes, got 2x1 and 1x2"),
     ("stumpff", ((2, 1),), {"order": IntegerAttr(10, i64)}, "one of 0 to 9, got 10"),
@@ -62,7 +63,7 @@ WRONG: list[tuple[str, tuple[Shape, ...], dict[str, Attribute], str]] = [
     ("embed", ((2, 1),), {"place": integers(1, 1, 3)}, "place takes 4 integers"),
 ]
 
-ANY_SHAPE = {"neg", "transpose", "sum", "norm", "constant", "stop_gradient", "pow"} | {
+ANY_SHAPE = {"neg", "transpose", "sum", "norm", "constant", "stop_gradient", "pow", "abs"} | {
     op.word() for op in OPERATIONS if hasattr(op, "FUNCTION")
 }
 """Operations that take whatever they get."""

@@ -12,6 +12,7 @@ from xdsl.ir import Block, SSAValue
 from yasps.dialects.mat import Batch, MatOp, Shape, matrix_type
 from yasps.dialects.mat.comparison import is_less, is_less_equal, maximum, minimum
 from yasps.dialects.mat.structure import ConstantOp, IdentityOp
+from yasps.dialects.scalar.functions import BY_NAME
 from yasps.dialects.scalar.graph import Node, ScalarGraph
 
 
@@ -50,7 +51,6 @@ def run_graph(
 
     number: what constants are made to, e.g. `Fraction`.
     """
-    names = {"asin": "arcsin", "acos": "arccos", "atan": "arctan"}
     binary: dict[str, Callable[[Any, Any], Any]] = {
         "add": lambda a, b: a + b,
         "sub": lambda a, b: a - b,
@@ -80,7 +80,7 @@ def run_graph(
         elif kind in binary:
             values[node] = binary[kind](*operands)
         else:
-            values[node] = getattr(np, names.get(kind, kind))(*operands)
+            values[node] = (np.abs if kind == "abs" else BY_NAME[kind].evaluate)(*operands)
     return [values[node] for node in outputs]
 
 

@@ -105,15 +105,11 @@ def integers(*values: int) -> DenseArrayBase:
 
 
 def _functions() -> list[Example]:
-    domains: dict[str, Sampler] = {"sqrt": positive, "log": positive, "tan": small, "asin": small, "acos": small}
+    samplers = {-np.inf: plain, 0.0: positive, -1.0: small}  # by the lower end of the domain
     made = []
-    for op_class in (*elementwise.OPS, *trigonometry.OPS):
-        if issubclass(op_class, elementwise.EntrywiseFunction) and op_class not in (
-            elementwise.PowOp,
-            trigonometry.StumpffOp,
-        ):
-            domain = domains.get(op_class.word(), plain)
-            made += [Example(op_class, (shape,), (domain,), rational=False) for shape in ((1, 1), (2, 3))]
+    for name, op_class in elementwise.TABLED.items():
+        sampler = small if name == "tan" else samplers[op_class.FUNCTION.domain[0]]
+        made += [Example(op_class, (shape,), (sampler,), rational=False) for shape in ((1, 1), (2, 3))]
     return made
 
 
@@ -193,6 +189,8 @@ ALL: list[Example] = [
     ],
     Example(trigonometry.Atan2Op, ((1, 1), (1, 1)), rational=False),
     Example(trigonometry.Atan2Op, ((2, 3), (2, 3)), rational=False),
+    Example(trigonometry.HypotOp, ((1, 1), (1, 1)), rational=False),
+    Example(trigonometry.HypotOp, ((2, 3), (2, 3)), rational=False),
     *[
         Example(trigonometry.StumpffOp, (shape,), (sampler,), {"order": IntegerAttr(order, i64)}, rational=False)
         for order in range(6)

@@ -28,9 +28,22 @@ from matrix_meaning import (
 )
 from xdsl.dialects.builtin import DenseArrayBase, FloatAttr, f64, i64
 
-from yasps import Attribute, Scene, atan2, concat_cols, concat_rows, constant, maximum, minimum, select, stumpff
+from yasps import (
+    Attribute,
+    Scene,
+    atan2,
+    concat_cols,
+    concat_rows,
+    constant,
+    hypot,
+    maximum,
+    minimum,
+    select,
+    stumpff,
+)
 from yasps.dialects.mat import OPERATIONS as MAT_OPERATIONS
 from yasps.dialects.mat import algebra, elementwise, structure
+from yasps.dialects.scalar.functions import FUNCTIONS
 from yasps.frontend.language.attribute import combine
 
 Shape = tuple[int, int]
@@ -74,6 +87,7 @@ WORDS: dict[str, Any] = {
     "minimum": minimum,
     "maximum": maximum,
     "atan2": atan2,
+    "hypot": hypot,
     "stumpff": stumpff,
 }
 
@@ -175,6 +189,7 @@ OPERATIONS: dict[str, Operation] = {
     "asin": Operation("(0.9 * {0}.sin()).asin()", lambda a: np.arcsin(0.9 * np.sin(a)), "asin", False),
     "acos": Operation("(0.8 * {0}.cos()).acos()", lambda a: np.arccos(0.8 * np.cos(a)), "acos", False),
     "atan2": Operation("atan2({0}, {1})", np.arctan2, "atan2", False, has_angle),
+    "hypot": Operation("hypot({0}, {1})", np.hypot, "hypot", False, has_angle),
     "shielded": Operation(  # the side not taken may be NaN
         "select({0} > 0.5, {0}.log(), 0.25 * {0})",
         lambda a: taken(a > 0.5, np.log(np.maximum(a, 0.5)), 0.25 * a),
@@ -183,6 +198,16 @@ OPERATIONS: dict[str, Operation] = {
         lambda a: apart(a, 0.5),
     ),
 }
+for _function in FUNCTIONS:  # inside every domain, and where no slope is infinite
+    OPERATIONS.setdefault(
+        _function.name,
+        Operation(
+            f"(0.5 + 0.25 * {{0}}.sin()).{_function.name}()",
+            lambda a, f=_function: f.evaluate(0.5 + 0.25 * np.sin(a)),
+            _function.name,
+            False,
+        ),
+    )
 COMPARISONS = ("less", "less_equal", "greater", "greater_equal")
 FITTING: dict[str, tuple[Shape, ...]] = {
     "cross": ((3, 1), (3, 1)),
@@ -190,11 +215,11 @@ FITTING: dict[str, tuple[Shape, ...]] = {
     "matmul": ((2, 3), (3, 1)),
     "select": ((1, 1), (2, 1), (2, 1)),
     "shielded": ((1, 1),),
-    **dict.fromkeys((*COMPARISONS, "choose", "minimum", "maximum", "atan2"), ((2, 1), (2, 1))),
+    **dict.fromkeys((*COMPARISONS, "choose", "minimum", "maximum", "atan2", "hypot"), ((2, 1), (2, 1))),
     **dict.fromkeys(("trace", "det", "cofactor", "inverse"), ((3, 3),)),
 }
 """Inputs that an expression which begins with this operation surely has."""
-ONE_SHAPE = ("add", "sub", "hadamard", "dot", "minimum", "maximum", "atan2", *COMPARISONS)
+ONE_SHAPE = ("add", "sub", "hadamard", "dot", "minimum", "maximum", "atan2", "hypot", *COMPARISONS)
 """Of two operands."""
 SQUARE = ("trace", "det", "cofactor", "inverse")
 

@@ -21,11 +21,13 @@ from yasps import (
     ShapeMismatchError,
     atan2,
     concat_rows,
+    hypot,
     maximum,
     minimum,
     select,
 )
 from yasps.backend.reference.interpreter import Interpreter
+from yasps.dialects.scalar.functions import FUNCTIONS
 from yasps.passes.pipeline import run_pipeline
 from yasps.runtime.build.toolchain import find_compiler
 from yasps.runtime.core.library import load_runtime
@@ -48,6 +50,7 @@ def points() -> Primitive:
 
 def test_values(points: Primitive) -> None:
     a, b, s = points["a"], points["b"], points["s"]
+    inside = 0.1 + 0.4 * abs(a)  # inside every function's domain
     cases = {
         "a < b": (a < b, A < B),
         "a <= b": (a <= b, A <= B),
@@ -64,9 +67,10 @@ def test_values(points: Primitive) -> None:
         "maximum": (maximum(s, 0.0), np.maximum(S, 0)),
         "abs": (abs(a), np.abs(A)),
         ".abs()": (a.abs(), np.abs(A)),
-        "tan": (a.tan(), np.tan(A)),
-        "asin": (a.asin(), np.arcsin(A)),
-        "acos": (a.acos(), np.arccos(A)),
+        **{f.name: (getattr(inside, f.name)(), f.evaluate(0.1 + 0.4 * abs(A))) for f in FUNCTIONS},
+        **{f"{f.ufunc.__name__} of NumPy": (f.ufunc(inside), f.evaluate(0.1 + 0.4 * abs(A))) for f in FUNCTIONS},
+        "hypot": (hypot(a, b), np.hypot(A, B)),
+        "hypot of numbers": (hypot(s, -1.0), np.hypot(S, -1.0)),
         "atan2": (atan2(a, b), np.arctan2(A, B)),
         "atan2 of numbers": (atan2(s, -1.0), np.arctan2(S, -1.0)),
         "power by one": ((a + 1.0 * np.ones((2, 2))) ** s, (A + 1) ** S),

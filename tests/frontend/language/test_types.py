@@ -21,7 +21,7 @@ CLASSES = (Entity, Scene, Mesh, PrimitiveBase, Primitive, PrimitiveUnion, Attrib
 
 
 def load_writer() -> ModuleType:
-    spec = importlib.util.spec_from_file_location("write_paper_names", ROOT / "tools" / "write_paper_names.py")
+    spec = importlib.util.spec_from_file_location("write_stubs", ROOT / "tools" / "write_stubs.py")
     assert spec is not None
     assert spec.loader is not None
     module = importlib.util.module_from_spec(spec)
@@ -29,9 +29,11 @@ def load_writer() -> ModuleType:
     return module
 
 
-def test_the_stub_is_up_to_date() -> None:
-    advice = "run `python tools/write_paper_names.py` and look at `git diff`"
-    assert STUB.read_text(encoding="utf-8") == load_writer().stub(), advice
+def test_the_stubs_are_up_to_date() -> None:
+    advice = "run `python tools/write_stubs.py` and look at `git diff`"
+    writer = load_writer()
+    assert STUB.read_text(encoding="utf-8") == writer.stub(), advice
+    assert writer.FUNCTIONS_STUB.read_text(encoding="utf-8") == writer.functions_stub(), advice
 
 
 @pytest.mark.parametrize("cls", CLASSES)

@@ -99,9 +99,9 @@ MUTATIONS = (
     ),
     Mutation(
         "acos: the sign of its derivative",
-        "dialects/mat/trigonometry.py",
-        "return b.neg(_arcsine_derivative(b, self.operands[0]))",
-        "return _arcsine_derivative(b, self.operands[0])",
+        "dialects/scalar/functions.py",
+        "lambda b, x, y: b.neg(_arcsine_derivative(b, x))",
+        "lambda b, x, y: _arcsine_derivative(b, x)",
         EXPRESSIONS,
     ),
     Mutation(

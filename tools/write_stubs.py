@@ -1,8 +1,8 @@
-"""Writes frontend/language/paper_names.pyi, what type checkers see of the paper's spelling.
+"""Writes what type checkers see of methods that are made when yasps runs: `python tools/write_stubs.py`.
 
-`python tools/write_paper_names.py` makes it from the source: every public method and property of several words, in
-camelCase, with its keywords in camelCase, its types and its docstring. A test compares the file with what this would
-write.
+frontend/language/paper_names.pyi has the paper's spelling, made from the source: every public method and property of
+several words, in camelCase, with its keywords in camelCase, its types and its docstring. entrywise.pyi beside it has
+the functions of the table in dialects/scalar/functions.py. A test compares both with what this would write.
 """
 
 from __future__ import annotations
@@ -12,6 +12,7 @@ import subprocess
 import sys
 from pathlib import Path
 
+from yasps.dialects.scalar.functions import FUNCTIONS
 from yasps.frontend.language.spelling import camel_case
 
 FRONTEND = Path(__file__).resolve().parents[1] / "frontend"
@@ -24,9 +25,21 @@ MODULES = (
     "language.mesh",
     "scene",
 )
+FUNCTIONS_STUB = FRONTEND / "language" / "entrywise.pyi"
+FUNCTIONS_HEADER = '''"""Functions of every entry, for type checkers. Written by tools/write_stubs.py."""
+
+import abc
+
+from yasps.dialects.mat.elementwise import TabledFunction
+from yasps.frontend.language.attribute import Attribute
+
+class EntrywiseFunctions(abc.ABC):
+    @abc.abstractmethod
+    def _apply(self, operation: type[TabledFunction]) -> Attribute: ...
+'''
 SUFFIX = "Names"
 HEADER = '''# ruff: noqa: N802
-"""The paper's spelling for type checkers. Written by tools/write_paper_names.py from the classes themselves."""
+"""The paper's spelling for type checkers. Written by tools/write_stubs.py from the classes themselves."""
 
 '''
 
@@ -107,5 +120,12 @@ def _renamed(function: ast.FunctionDef) -> ast.FunctionDef:
     return ast.FunctionDef(name, function.args, body, decorators, function.returns)
 
 
+def functions_stub() -> str:
+    """The text of frontend/language/entrywise.pyi: a method for each function of the table."""
+    methods = [f'    def {f.name}(self) -> Attribute:\n        """{f.about} of every entry."""\n' for f in FUNCTIONS]
+    return FUNCTIONS_HEADER + "\n".join(methods)
+
+
 if __name__ == "__main__":
     STUB.write_text(stub(), encoding="utf-8")
+    FUNCTIONS_STUB.write_text(functions_stub(), encoding="utf-8")
