@@ -15,7 +15,7 @@ from benchmarks.measure import Row
 from benchmarks.opcounts import operations
 from yasps.frontend.execution.compiled_scene import CompiledScene
 from yasps.frontend.execution.cpu_scene import CpuScene
-from yasps.frontend.language.attribute import Stored
+from yasps.frontend.language.nodes import Stored
 from yasps.runtime.assembly.assembler import Assembler, KernelCall
 from yasps.runtime.build.toolchain import Compiler
 

@@ -17,7 +17,7 @@ from benchmarks.measure import Report, Row, Settings
 from yasps import Scene
 from yasps.backend.reference.interpreter import Interpreter, SceneData
 from yasps.frontend.execution.emit import SceneEmitter
-from yasps.frontend.language.attribute import Stored
+from yasps.frontend.language.nodes import Stored
 from yasps.passes.pipeline import run_pipeline
 
 DESCRIPTION = "scalar operations of gradient and Hessian of one element, beside SymPy with its cse"

@@ -22,9 +22,10 @@ from yasps.frontend.execution.emit import EnergyTerm
 from yasps.frontend.execution.hessian import Hessian
 from yasps.frontend.execution.newton_system import advice_on, check_choices, check_limits, solve_newton_system
 from yasps.frontend.execution.scene_source import CompileRequest, make_dump_folder
-from yasps.frontend.language.attribute import Attribute, FloatArray, Stored
+from yasps.frontend.language.attribute import Attribute
 from yasps.frontend.language.entity import Entity
 from yasps.frontend.language.mesh import Mesh
+from yasps.frontend.language.nodes import FloatArray, Stored
 from yasps.frontend.language.paper_names import SceneNames
 from yasps.frontend.language.scene_lock import lock_of, one_thread_at_a_time
 from yasps.frontend.language.spelling import both_spellings, paper_spelling

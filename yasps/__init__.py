@@ -27,8 +27,6 @@ from yasps.frontend.execution.newton_system import (
 )
 from yasps.frontend.language.attribute import (
     Attribute,
-    ComputedValue,
-    FloatArray,
     as_attribute,
     concat_cols,
     concat_rows,
@@ -39,6 +37,7 @@ from yasps.frontend.language.attribute import (
 from yasps.frontend.language.connectivity import Connectivity
 from yasps.frontend.language.functions import atan2, hypot, maximum, minimum, select, stumpff
 from yasps.frontend.language.mesh import Mesh
+from yasps.frontend.language.nodes import ComputedValue, FloatArray
 from yasps.frontend.language.primitive import Primitive, PrimitiveBase, PrimitiveUnion
 from yasps.frontend.scene import Scene, Solution, add_scene, scene
 from yasps.runtime.build.private_folder import CacheFolderError

@@ -20,10 +20,12 @@ from yasps.frontend.errors import ConnectivityError, NotFiniteError, SceneError
 from yasps.frontend.execution.emit import EnergyTerm
 from yasps.frontend.execution.hessian import Hessian
 from yasps.frontend.execution.scene_source import CompileRequest, SceneSource
-from yasps.frontend.language.attribute import Attribute, FloatArray, Joined, Location, Stored, operands_of
+from yasps.frontend.language.attribute import Attribute
 from yasps.frontend.language.connectivity import Connectivity
 from yasps.frontend.language.entity import Entity
 from yasps.frontend.language.in_scene import InScene
+from yasps.frontend.language.location import Location
+from yasps.frontend.language.nodes import FloatArray, Joined, Stored, operands_of
 from yasps.frontend.language.primitive import Primitive, PrimitiveBase, PrimitiveUnion
 from yasps.frontend.language.scene_lock import one_thread_at_a_time
 from yasps.runtime.core.library import Projection

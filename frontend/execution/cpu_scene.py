@@ -16,7 +16,7 @@ from yasps.backend.cpp.object import CppEmitter
 from yasps.frontend.execution.compiled_scene import CompiledScene, Term
 from yasps.frontend.execution.instance_order import OrderedReads, own_reads, rows_of
 from yasps.frontend.execution.scene_source import CompileRequest
-from yasps.frontend.language.attribute import FloatArray, Stored
+from yasps.frontend.language.nodes import FloatArray, Stored
 from yasps.frontend.language.primitive import Primitive
 from yasps.frontend.language.scene_lock import one_thread_at_a_time
 from yasps.runtime.assembly.assembler import Assembler, KernelCall, evaluate

@@ -24,7 +24,7 @@ from yasps.frontend.errors import ConnectivityError, DataError
 from yasps.frontend.execution.compiled_scene import CompiledScene, Term
 from yasps.frontend.execution.device_report import CUDA_KEY
 from yasps.frontend.execution.scene_source import CompileRequest
-from yasps.frontend.language.attribute import FloatArray, Stored
+from yasps.frontend.language.nodes import FloatArray, Stored
 from yasps.frontend.language.scene_lock import one_thread_at_a_time
 from yasps.runtime.assembly.cuda.gradient import CudaGradient
 from yasps.runtime.assembly.cuda.sum import DeviceSum

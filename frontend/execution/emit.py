@@ -25,10 +25,11 @@ from yasps.dialects.rel import (
     UnionOp,
     YieldOp,
 )
-from yasps.frontend.language.attribute import Attribute, Computed, Joined, Named, Stored, United
+from yasps.frontend.language.attribute import Attribute
 from yasps.frontend.language.connectivity import Connectivity
 from yasps.frontend.language.entity import Entity
 from yasps.frontend.language.mesh import Mesh
+from yasps.frontend.language.nodes import Computed, Joined, Named, Stored, United
 from yasps.frontend.language.primitive import PrimitiveBase, PrimitiveUnion
 
 

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from yasps.frontend.language.attribute import FloatArray
+from yasps.frontend.language.nodes import FloatArray
 from yasps.runtime.matrix.block_matrix import BlockGroup
 
 if TYPE_CHECKING:

@@ -15,8 +15,9 @@ from numpy.typing import NDArray
 from yasps.backend.codegen.object_text import Binding
 from yasps.backend.codegen.program import Program
 from yasps.frontend.execution.emit import SceneEmitter
-from yasps.frontend.language.attribute import Attribute, Stored
+from yasps.frontend.language.attribute import Attribute
 from yasps.frontend.language.connectivity import Connectivity
+from yasps.frontend.language.nodes import Stored
 from yasps.frontend.language.primitive import Primitive
 
 Number = TypeVar("Number", np.float64, np.int32, np.int64)

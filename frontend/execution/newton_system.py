@@ -10,7 +10,7 @@ import numpy as np
 
 from yasps.frontend.errors import DataError
 from yasps.frontend.execution.compiled_scene import CompiledScene
-from yasps.frontend.language.attribute import FloatArray
+from yasps.frontend.language.nodes import FloatArray
 from yasps.runtime.solvers import choice as solver_choice
 from yasps.runtime.solvers.pcg import SolveReport, StopReason
 

@@ -18,7 +18,8 @@ from yasps.dialects.rel import StorageOp
 from yasps.frontend.errors import SceneError, UnsupportedSceneError
 from yasps.frontend.execution.emit import EnergyTerm, SceneEmitter
 from yasps.frontend.execution.scene_key import compiler_digest, text_of_key
-from yasps.frontend.language.attribute import Attribute, FloatArray
+from yasps.frontend.language.attribute import Attribute
+from yasps.frontend.language.nodes import FloatArray
 from yasps.frontend.language.scene_lock import SceneLock
 from yasps.passes.errors import CompileError
 from yasps.passes.pipeline import LIFTING, PIPELINE, run_pipeline

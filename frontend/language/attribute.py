@@ -2,18 +2,13 @@
 
 from __future__ import annotations
 
-import operator
-import sys
 from collections.abc import Iterator, Sequence
 from contextlib import nullcontext
-from dataclasses import dataclass
-from functools import cache
-from pathlib import Path
 from typing import TYPE_CHECKING, Any, NoReturn
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
-from xdsl.dialects.builtin import DenseArrayBase, FloatAttr, StringAttr, f64, i64
+from numpy.typing import ArrayLike
+from xdsl.dialects.builtin import FloatAttr, StringAttr, f64
 from xdsl.ir import Attribute as IrAttribute
 
 from yasps.dialects.mat import (
@@ -33,117 +28,16 @@ from yasps.frontend.errors import DataError, LineageError, SceneError, ShapeMism
 from yasps.frontend.language.arrays import in_instances, real_numbers
 from yasps.frontend.language.entrywise import EntrywiseFunctions
 from yasps.frontend.language.in_scene import InScene
+from yasps.frontend.language.indexing import chosen, integer, integers, wrapped
+from yasps.frontend.language.location import Location, user_location
+from yasps.frontend.language.nodes import Computed, ComputedValue, FloatArray, Node, Stored
 from yasps.frontend.language.paper_names import AttributeNames
 from yasps.frontend.language.scene_lock import SceneLock, one_thread_at_a_time
 from yasps.frontend.language.spelling import both_spellings
 
 if TYPE_CHECKING:
     from yasps.frontend.execution.compiled_scene import CompiledScene
-    from yasps.frontend.language.connectivity import Connectivity
     from yasps.frontend.language.entity import Entity
-
-FloatArray = NDArray[np.float64]
-_PACKAGE = Path(__file__).parents[2]
-
-
-@dataclass(frozen=True)
-class Location:
-    """A line of the user's Python."""
-
-    file: str
-    line: int
-
-    def __str__(self) -> str:
-        return f"{self.file}:{self.line}"
-
-
-@cache
-def _is_ours(file: str) -> bool:
-    """Is the file in a folder of the package? Examples are not ours: they are users."""
-    place = Path(file)
-    return place.is_relative_to(_PACKAGE) and not place.is_relative_to(_PACKAGE / "examples")
-
-
-def user_location() -> Location:
-    """The innermost line outside yasps on the call stack; examples count as users."""
-    frame = sys._getframe(1)
-    while frame.f_back is not None and _is_ours(frame.f_code.co_filename):
-        frame = frame.f_back
-    return Location(frame.f_code.co_filename, frame.f_lineno)
-
-
-class Stored:
-    """An attribute whose numbers the user supplies: `array` is [instances, rows, columns].
-
-    `version` counts how often they were set in place.
-    """
-
-    def __init__(self, array: FloatArray, constant: bool) -> None:
-        self.array = array
-        self.constant = constant
-        self.version = 0
-
-
-@dataclass(frozen=True)
-class Joined:
-    """JOIN of `source` through `connectivity`; of a variable arity, their "sum" or "mean"."""
-
-    connectivity: Connectivity
-    source: Attribute
-    operation: str | None = None
-
-
-@dataclass(frozen=True)
-class United:
-    """UNION of the members' attributes, in the order of the primitive union."""
-
-    members: tuple[Attribute, ...]
-
-
-@dataclass(frozen=True)
-class Named:
-    """A name given to an expression."""
-
-    expression: Attribute
-
-
-@dataclass(frozen=True)
-class Computed:
-    """An operation of the `mat` dialect on other attributes."""
-
-    op_class: type[MatOp]
-    operands: tuple[Attribute, ...]
-    properties: tuple[tuple[str, IrAttribute], ...]
-
-
-Node = Stored | Joined | United | Named | Computed
-
-
-def operands_of(node: Node) -> tuple[Attribute, ...]:
-    """The attributes that this one is computed from directly."""
-    match node:
-        case Stored():
-            return ()
-        case Joined():
-            return (node.source,)
-        case United():
-            return node.members
-        case Named():
-            return (node.expression,)
-        case Computed():
-            return node.operands
-
-
-@dataclass(frozen=True)
-class ComputedValue:
-    """Numbers of an attribute. `value`: flat, as the paper has it; `array`: [instances, rows, columns]."""
-
-    array: FloatArray
-
-    @property
-    def value(self) -> FloatArray:
-        """All entries, instance by instance, row-major."""
-        return self.array.reshape(-1)
 
 
 @both_spellings
@@ -506,39 +400,6 @@ class Attribute(AttributeNames, EntrywiseFunctions, InScene):
     def stop_gradient(self) -> Attribute:
         """The same value, held constant by differentiation."""
         return combine(calculus.StopGradientOp, [self])
-
-
-def integer(value: object, what: str) -> int:
-    """The value as an integer; raises ShapeMismatchError for anything else, 1.0 and True included."""
-    if isinstance(value, int | np.integer) and not isinstance(value, bool):
-        return operator.index(value)
-    raise ShapeMismatchError(f"{what} must be an integer, got {value!r}")
-
-
-def integers(*values: int) -> IrAttribute:
-    """An array of integers as an operation's property."""
-    return DenseArrayBase.from_list(i64, [integer(value, "a number of rows or columns") for value in values])
-
-
-def wrapped(index: object, length: int, word: str, attribute: Attribute) -> int:
-    """The index counted from the start; raises for one out of range."""
-    number = integer(index, f"the {word} of {attribute.path}")
-    if not -length <= number < length:
-        raise ShapeMismatchError(f"{attribute.path} is {spell(attribute.shape)} and has no {word} {number}")
-    return number % length
-
-
-def chosen(index: object, length: int, word: str, attribute: Attribute) -> list[tuple[int, int]]:
-    """What an index or a slice chooses of the rows or columns, as (first, how many) of neighbours.
-
-    Raises ShapeMismatchError for an index out of range, a slice of nothing, and for anything else.
-    """
-    if not isinstance(index, slice):
-        return [(wrapped(index, length, word, attribute), 1)]
-    numbers = range(length)[index]
-    if not numbers:
-        raise ShapeMismatchError(f"{attribute.path} is {spell(attribute.shape)}: {index} chooses no {word} of it")
-    return [(numbers[0], len(numbers))] if numbers.step == 1 else [(number, 1) for number in numbers]
 
 
 def constant(values: ArrayLike) -> Attribute:

@@ -20,9 +20,10 @@ from yasps.frontend.errors import (
     ShapeMismatchError,
 )
 from yasps.frontend.language.arrays import checked_count
-from yasps.frontend.language.attribute import Attribute, Joined, Named, Stored, concat_cols
+from yasps.frontend.language.attribute import Attribute, concat_cols
 from yasps.frontend.language.connectivity import Connectivity
 from yasps.frontend.language.in_scene import InScene
+from yasps.frontend.language.nodes import Joined, Named, Stored
 from yasps.frontend.language.paper_names import EntityNames
 from yasps.frontend.language.scene_lock import SceneLock, one_thread_at_a_time
 from yasps.frontend.language.spelling import both_spellings

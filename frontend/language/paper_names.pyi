@@ -10,10 +10,11 @@ from numpy.typing import ArrayLike
 from scipy import sparse
 
 from yasps.frontend.execution.compiled_scene import CompileReport
-from yasps.frontend.language.attribute import Attribute, FloatArray
+from yasps.frontend.language.attribute import Attribute
 from yasps.frontend.language.connectivity import Connectivity, IntArray
 from yasps.frontend.language.entity import Entity
 from yasps.frontend.language.mesh import Mesh
+from yasps.frontend.language.nodes import FloatArray
 from yasps.frontend.language.primitive import Primitive, PrimitiveBase, PrimitiveUnion
 from yasps.runtime.device.foreign_arrays import DeviceIndices
 

@@ -11,9 +11,10 @@ from numpy.typing import ArrayLike
 from yasps.dialects.mat import spell
 from yasps.frontend.errors import ConnectivityError, DataError, SceneError, ShapeMismatchError
 from yasps.frontend.language.arrays import checked_count
-from yasps.frontend.language.attribute import Attribute, FloatArray, Stored, United
+from yasps.frontend.language.attribute import Attribute
 from yasps.frontend.language.connectivity import Connectivity
 from yasps.frontend.language.entity import Entity
+from yasps.frontend.language.nodes import FloatArray, Stored, United
 from yasps.frontend.language.paper_names import PrimitiveBaseNames, PrimitiveNames, PrimitiveUnionNames
 from yasps.frontend.language.scene_lock import one_thread_at_a_time
 from yasps.frontend.language.spelling import both_spellings

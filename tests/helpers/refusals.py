@@ -22,8 +22,8 @@ from yasps import (
     Scene,
     YaspsError,
 )
-from yasps.frontend.language.attribute import Stored
 from yasps.frontend.language.entity import Entity
+from yasps.frontend.language.nodes import Stored
 
 
 @dataclass

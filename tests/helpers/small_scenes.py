@@ -14,7 +14,7 @@ from xdsl.dialects.builtin import ModuleOp
 from yasps import Attribute, Connectivity, Primitive, Scene, concat_rows
 from yasps.backend.reference.interpreter import Interpreter, SceneData
 from yasps.frontend.execution.emit import SceneEmitter
-from yasps.frontend.language.attribute import Stored
+from yasps.frontend.language.nodes import Stored
 
 STEP = 1e-30
 Array = NDArray[np.float64]

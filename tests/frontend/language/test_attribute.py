@@ -13,7 +13,7 @@ import pytest
 from numpy.typing import NDArray
 
 from yasps import Attribute, ComputedValue, Primitive, Scene, concat_cols, concat_rows, constant, identity, zeros
-from yasps.frontend.language.attribute import Computed, Joined, Named, Stored, United, operands_of
+from yasps.frontend.language.nodes import Computed, Joined, Named, Stored, United, operands_of
 
 Floats = NDArray[np.float64]
 N = 11  # more than one pack of eight instances
