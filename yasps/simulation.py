@@ -16,9 +16,10 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import ArrayLike
 
-from yasps import Attribute, Primitive, Scene, SceneError, YaspsError, materials
+from yasps import Attribute, Primitive, Scene, SceneError, ShapeMismatchError, YaspsError, materials
 from yasps.bodies import Body
 from yasps.contact import BarrierContact
+from yasps.frontend.language.arrays import real_numbers
 from yasps.meshes.tetrahedral_mesh import Float64Array
 from yasps.output import FrameProgress, TimeTable
 from yasps.stepping import BackwardEuler, MovingPart, NewtonReport, NewtonSettings
@@ -26,6 +27,10 @@ from yasps.stepping import BackwardEuler, MovingPart, NewtonReport, NewtonSettin
 PIN_STIFFNESS = 1e3
 """Stiffness of a pin, in masses of its body over the squared time step: a body that hangs on one sinks by
 g dt^2 / 1e3."""
+
+
+ForceField = Callable[[Float64Array, Float64Array, float], ArrayLike]
+"""Forces [N] on vertices, [n, 3] or [3], of their positions [m] and velocities [m/s], both [n, 3], and the time [s]."""
 
 
 class Recorder(Protocol):
@@ -88,6 +93,7 @@ class Simulation:
         self._has_contact = contact
         self._given = (activation_distance, contact_stiffness, settings)
         self._predicted: dict[Body, Attribute] = {}
+        self._fields: list[tuple[Body, ForceField, Attribute]] = []
         self._unions = self._pins = 0
         self.contact: BarrierContact | None = None
         if not time_step > 0:
@@ -170,6 +176,7 @@ class Simulation:
 
     def _forget(self, body: Body) -> None:
         self.bodies.remove(body)
+        self._fields = [field for field in self._fields if field[0] is not body]
         if body.is_fixed:
             return
         for energy in (body.vertices["inertia"], body.vertices["gravity"], *body.energies):
@@ -279,16 +286,35 @@ class Simulation:
         pins.update(vertex=chosen.reshape(-1, 1), place=places, stiffness=np.full(len(chosen), stiffness))
         return Pins(pins)
 
-    def add_force(self, body: Body, force: ArrayLike = (0.0, 0.0, 0.0), name: str = "force") -> Attribute:
-        """A force [N] on each vertex of a body, one for all or [n, 3]; returns the attribute, to change it by
-        `update_value` between steps. It compiles once. Raises SceneError, NameTakenError."""
+    def add_force(self, body: Body, force: ArrayLike | ForceField = (0.0, 0.0, 0.0), name: str = "force") -> Attribute:
+        """A force [N] on each vertex of a body; returns the attribute that holds it, 3x1. It compiles once.
+
+        force: one for all vertices or [n, 3], which `update_value` changes between steps; or a field, a function of
+        positions [n, 3], velocities [n, 3] and time [s] that gives them at the beginning of every step: wind, drag,
+        magnets. Forces stay the same within a step. Where one has a potential, an energy on `body.vertices` is exact.
+
+        Raises SceneError, NameTakenError, DataError or ShapeMismatchError for forces of another shape.
+        """
         if self._number_of(body) < 0:
             raise SceneError(f"{body.name} is fixed: a force does nothing to it")
-        values = np.broadcast_to(np.asarray(force, dtype=np.float64), body.rest.shape)
-        field = body.vertices.add_constant(name, 3, 1, value=values)
-        load = materials.dead_load(body.position, field)
+        values = self._forces(body, force, name)
+        holder = body.vertices.add_constant(name, 3, 1, value=values)
+        load = materials.dead_load(body.position, holder)
         body.add_energy(body.vertices.add_attribute(f"{name}_load", computed_attribute=load))
-        return field
+        if callable(force):
+            self._fields.append((body, force, holder))
+        return holder
+
+    def _forces(self, body: Body, force: ArrayLike | ForceField, name: str) -> Float64Array:
+        """Forces on the vertices now, [n, 3]."""
+        if callable(force):
+            force = force(body.positions(), self.velocity_of(body), self.time)
+        values = real_numbers(force, f"the forces {name!r} on {body.name}")
+        if values.shape not in ((3,), body.rest.shape):
+            raise ShapeMismatchError(
+                f"the forces {name!r} on {body.name} are [3] or {list(body.rest.shape)}, got {list(values.shape)}"
+            )
+        return np.array(np.broadcast_to(values, body.rest.shape))
 
     # -- steps ---------------------------------------------------------------------------------------------
 
@@ -313,6 +339,8 @@ class Simulation:
         for call in self.before_step:
             call(self)
         before = self.state()
+        for body, field, holder in self._fields:
+            holder.update_value(self._forces(body, field, holder.name or ""))
         try:
             report = self.stepper.step()
         except YaspsError as error:

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from yasps import IntersectionError, NotConvergedError, NotFiniteError, Scene, SceneError
+from yasps import IntersectionError, NotConvergedError, NotFiniteError, Scene, SceneError, ShapeMismatchError
 from yasps.bodies import AffineBody, Cloth, Ground, SoftBody
 from yasps.meshes import box, cloth_grid
 from yasps.simulation import Simulation
@@ -50,6 +50,32 @@ def test_velocities_forces_and_gravity() -> None:
     simulation.step()
     assert simulation.scene.compile() is compiled
     np.testing.assert_allclose(simulation.velocity_of(soft).mean(axis=0), [0.0, 3.0 * DT, 0.0], atol=1e-7)
+
+
+def test_a_force_field_is_asked_at_the_beginning_of_every_step() -> None:
+    """Drag -c v, explicit: each step takes the same share of the velocity, v (1 - c dt / m)."""
+    simulation, soft = falling_cube()
+    simulation.gravity.update_value([0.0, 0.0, 0.0])
+    simulation.set_velocity(soft, (1.0, 0.0, 0.0))
+    drag = 5.0  # 1/s
+    seen = []
+
+    def field(positions: np.ndarray, velocities: np.ndarray, time: float) -> np.ndarray:
+        seen.append((positions[0, 0], time))
+        return -drag * soft.mass.value[:, None] * velocities
+
+    simulation.add_force(soft, field, "drag")
+    simulation.run(3)
+    np.testing.assert_allclose(simulation.velocity_of(soft).mean(axis=0), [(1 - drag * DT) ** 3, 0, 0], atol=1e-7)
+    assert [time for _, time in seen] == pytest.approx([0.0, 0.0, DT, 2 * DT])
+    assert seen[-1][0] > seen[0][0]
+
+
+def test_forces_of_another_shape_are_refused() -> None:
+    simulation, soft = falling_cube()
+    with pytest.raises(ShapeMismatchError, match=r"the forces 'wind' on soft are \[3\] or \[8, 3\], got \[4, 3\]"):
+        simulation.add_force(soft, lambda *_: np.zeros((4, 3)), "wind")
+    assert "wind" not in soft.vertices.attributes
 
 
 def test_pins_hold_move_and_let_go() -> None:

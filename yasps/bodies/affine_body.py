@@ -6,7 +6,7 @@ import numpy as np
 
 from yasps import Scene, SceneError, materials
 from yasps.bodies.body import Body, check_density
-from yasps.meshes import TetrahedralMesh
+from yasps.meshes import TetrahedralMesh, TriangleMesh, tetrahedra_of
 
 
 class AffineBody(Body):
@@ -22,19 +22,21 @@ class AffineBody(Body):
         self,
         scene: Scene,
         name: str,
-        shape: TetrahedralMesh,
+        shape: TetrahedralMesh | TriangleMesh,
         *,
         density: float = 1000.0,
         youngs_modulus: float = 1e7,
     ) -> None:
         """Adds the body where the mesh lies.
 
-        density [kg/m^3]; youngs_modulus [Pa]: times the volume, it resists stretch and shear. Raises SceneError for
-        numbers out of range, NameTakenError.
+        shape: tetrahedra, or a closed triangle surface, whose inside `tetrahedralize` meshes. density [kg/m^3];
+        youngs_modulus [Pa]: times the volume, it resists stretch and shear. Raises SceneError for numbers out of range,
+        NameTakenError, MeshError.
         """
         check_density(name, density, "kg/m^3")
         if not youngs_modulus > 0:
             raise SceneError(f"{name}: youngs_modulus must be positive, got {youngs_modulus} Pa")
+        shape = tetrahedra_of(shape)
         super().__init__(scene, name)
         self.rest, self.cells, self.triangles = shape.vertices, {"tetra": shape.tets}, shape.surface_triangles()
         self.body = self.mesh.add_primitive("body", num_instances=1)

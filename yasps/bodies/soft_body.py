@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from yasps import Scene, materials
 from yasps.bodies.body import Body, check_density
-from yasps.meshes import TetrahedralMesh
+from yasps.meshes import TetrahedralMesh, TriangleMesh, tetrahedra_of
 
 
 class SoftBody(Body):
@@ -18,7 +18,7 @@ class SoftBody(Body):
         self,
         scene: Scene,
         name: str,
-        shape: TetrahedralMesh,
+        shape: TetrahedralMesh | TriangleMesh,
         *,
         density: float = 1000.0,
         youngs_modulus: float = 1e5,
@@ -26,10 +26,12 @@ class SoftBody(Body):
     ) -> None:
         """Adds the body, at rest where the mesh lies.
 
-        density [kg/m^3]; youngs_modulus [Pa]. Raises SceneError for numbers out of range, NameTakenError.
+        shape: tetrahedra, or a closed triangle surface, whose inside `tetrahedralize` meshes. density [kg/m^3];
+        youngs_modulus [Pa]. Raises SceneError for numbers out of range, NameTakenError, MeshError.
         """
         mu, lam = materials.stable_neo_hookean_parameters(youngs_modulus, poisson_ratio)
         check_density(name, density, "kg/m^3")
+        shape = tetrahedra_of(shape)
         super().__init__(scene, name)
         self.rest, self.cells, self.triangles = shape.vertices, {"tetra": shape.tets}, shape.surface_triangles()
         self.vertices = self.mesh.add_primitive("vertices", num_instances=len(shape.vertices))
