@@ -55,7 +55,8 @@ def tetrahedralize(surface: TriangleMesh, edge_length: float | None = None) -> T
     if len(tets) == 0:
         raise MeshError("pytetwild found no inside: does the surface cross itself?")
     tets, _ = flip_inverted_tets(points, tets)
-    return TetrahedralMesh(*drop_unused_vertices(points, tets))
+    points, tets = drop_unused_vertices(points, tets)
+    return TetrahedralMesh(points, tets.astype(np.int32))
 
 
 def tetrahedra_of(shape: TetrahedralMesh | TriangleMesh) -> TetrahedralMesh:
