@@ -19,7 +19,7 @@ STRUCTURE, PCG, MULTIPLY = (
     "runtime/solvers/cuda/pcg.cu",
     "runtime/matrix/cuda/multiply.cu",
 )
-GATHER, SHARED = "runtime/matrix/cuda/gathered_multiply.cu", "runtime/solvers/cuda/solver.cuh"
+GATHER, SHARED = "runtime/matrix/cuda/gathered_multiply.cu", "runtime/core/cuda/grid.cuh"
 
 MUTATIONS = (
     Mutation(
