@@ -15,16 +15,15 @@ from xdsl.ir import SSAValue
 from yasps.dialects.mat import MatBuilder, MatOp, algebra, comparison, elementwise, structure
 from yasps.dialects.mat.base import is_zero
 
-_PRODUCTS = (
+PRODUCTS = (
     elementwise.ScaleOp,
     elementwise.HadamardOp,
     algebra.MatmulOp,
     algebra.DotOp,
     algebra.CrossOp,
 )
-_SUMS = (
-    elementwise.AddOp,
-    elementwise.SubOp,
+"""Linear in each of two operands: 0 where one is."""
+LINEAR = (
     elementwise.NegOp,
     algebra.TransposeOp,
     algebra.TraceOp,
@@ -32,9 +31,10 @@ _SUMS = (
     structure.ReshapeOp,
     structure.BlockOp,
     structure.EmbedOp,
-    structure.ConcatRowsOp,
-    structure.ConcatColsOp,
 )
+"""Linear in their operand."""
+SUMS = (elementwise.AddOp, elementwise.SubOp, structure.ConcatRowsOp, structure.ConcatColsOp)
+"""Linear in all operands together."""
 _CHOICES = (comparison.CompareOp, comparison.SelectOp, comparison.MinOp, comparison.MaxOp)
 
 
@@ -90,12 +90,12 @@ def _vanishes(value: SSAValue, norm: SSAValue) -> bool:
                 and is_zero(condition.operands[1])
                 and zeros[1]
             )
-        elif isinstance(op, _PRODUCTS):
+        elif isinstance(op, PRODUCTS):
             known[op.result] = any(zeros)
         elif isinstance(op, elementwise.DivideOp):
             known[op.result] = zeros[0]
         else:
-            known[op.result] = is_zero(op.result) or (isinstance(op, _SUMS) and all(zeros))
+            known[op.result] = is_zero(op.result) or (isinstance(op, SUMS + LINEAR) and all(zeros))
     return known.get(value, False)
 
 

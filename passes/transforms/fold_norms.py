@@ -27,28 +27,11 @@ from xdsl.dialects.builtin import ModuleOp
 from xdsl.ir import Block, Region, SSAValue
 from xdsl.passes import ModulePass
 
-from yasps.dialects.mat import MatOp, algebra, elementwise, shape_of, structure
+from yasps.dialects.mat import MatOp, algebra, elementwise, shape_of
 from yasps.dialects.mat.base import constant_value, is_zero
 from yasps.dialects.rel import AttributeOp, ReadOp, YieldOp
+from yasps.passes.analysis.norms import LINEAR, PRODUCTS, SUMS
 from yasps.passes.bodies import BodyBuilder, containers
-
-_LINEAR = (
-    elementwise.NegOp,
-    algebra.TransposeOp,
-    algebra.TraceOp,
-    algebra.SumOp,
-    structure.ReshapeOp,
-    structure.BlockOp,
-    structure.EmbedOp,
-)
-_SUMS = (elementwise.AddOp, elementwise.SubOp, structure.ConcatRowsOp, structure.ConcatColsOp)
-_PRODUCTS = (
-    elementwise.ScaleOp,
-    elementwise.HadamardOp,
-    algebra.MatmulOp,
-    algebra.DotOp,
-    algebra.CrossOp,
-)
 
 
 @dataclass(frozen=True)
@@ -154,12 +137,12 @@ class _Folding:
             powers, rest = _times(parts[0].powers, parts[1].powers, -1), parts[0].rest
             if parts[1].rest is not None:
                 rest = _then(b.divide, rest or self._one, parts[1].rest)
-        elif isinstance(op, _PRODUCTS):
+        elif isinstance(op, PRODUCTS):
             powers, rests = _times(parts[0].powers, parts[1].powers), [part.rest for part in parts]
             rest = (rests[0] or rests[1]) if None in rests else self._rest(op, parts)
-        elif isinstance(op, _LINEAR):
+        elif isinstance(op, LINEAR):
             powers, rest = parts[0].powers, self._rest(op, parts)
-        elif isinstance(op, _SUMS):
+        elif isinstance(op, SUMS):
             factored = [part for part, operand in zip(parts, operands, strict=True) if not is_zero(operand)]
             if not factored or any(part.powers != factored[0].powers for part in factored):
                 return None

@@ -178,8 +178,6 @@ long values_before(const Structure& s, long row);
 void pack(const Layout& layout, Range blocks, const double* compact, double* padded);
 void unpack(const Layout& layout, Range blocks, const double* padded, double* compact);
 
-// Eigenvalues above -kProjectionShift * (sum of |diagonal|) count as zero: rigid motions leave that rounding error.
-constexpr double kProjectionShift = 1e-13;
 struct NegativePart {
     unsigned changed, unfinished;  // bit sets of lanes: had a negative eigenvalue; eigenvalues were not found
 };

@@ -2,9 +2,22 @@
 //
 // Eight and Sixteen are one register or pairs of pairs of registers, whatever the processor has: g++ splits wider
 // vector types itself, but does their selects and roots one number at a time.
+//
+// Functions that are written for these types and for one number of a GPU's thread alike (projection/three_by_three.h)
+// say with the macros what differs; projection/cuda/number.cuh is the thread's counterpart of this file.
 #pragma once
 
+#define YASPS_FUNCTION
+#define YASPS_ALWAYS_INLINE __attribute__((always_inline)) inline
+#define YASPS_SELDOM __attribute__((noinline))  // what seldom runs need not make others' code longer
+#define YASPS_UNROLLED _Pragma("GCC unroll 9")
+#define YASPS_UNROLLED_FOR_A_THREAD
+#define YASPS_ROLLED
+
 namespace yasps {
+
+constexpr double kEpsilon = 2.220446049250313e-16;
+constexpr double kSmallestNormal = 2.2250738585072014e-308;
 
 #if defined(__AVX512F__)
 constexpr int kRegister = 64;
@@ -130,6 +143,24 @@ inline V inverse_root(V v) {
 #else
     return inverse(square_root(v));
 #endif
+}
+// 2^(sign e), with numbers v of about 2^e; normal numbers, also where v is not.
+template <class V>
+inline V power_of_two(V v, int sign) {
+    return each(
+        [sign](Register x) {
+            const RegisterMask biased = (RegisterMask(x) >> 52) & 0x7ff;
+            const RegisterMask below = biased < 2 ? RegisterMask{} + 2 : biased;
+            const RegisterMask exponent = below > 2044 ? RegisterMask{} + 2044 : below;
+            return Register((1023 + sign * (exponent - 1023)) << 52);
+        },
+        v);
+}
+// The root and its inverse of normal numbers above zero, at the same time: neither waits for the other.
+template <class V>
+inline void find_roots(V v, V* root, V* inverse_root) {
+    *root = square_root(v);
+    *inverse_root = *root * inverse(v);
 }
 inline long largest_of(RegisterMask v) {
     long largest = v[0];

@@ -4,87 +4,33 @@
 // eigenvectors are carried along: sweeps note their plane rotations, and only the vectors of negative eigenvalues,
 // mostly few, are made from them. A sweep is a chain of operations that wait for each other, so that two vectors take
 // hardly longer than one. Loops are rolled on purpose: unrolling them for every width costs a minute of compile time.
-#include <float.h>
-
 #include "core/runtime.h"
 #include "core/vectors.h"
+#include "projection/cone.h"
+#include "projection/tridiagonal.h"
 
 namespace yasps {
 namespace {
 
-// Sweeps for each eigenvalue: two are usual. After the first number couplings of growing size are taken for zero, after
-// the second the search ends.
-constexpr int kManySweeps = 4, kMaxSweeps = 10;
 // Memory for plane rotations, in multiples of n^2: 1.5 are usual. A test sets it to zero.
 #ifndef YASPS_ROTATIONS
 #define YASPS_ROTATIONS 2
 #endif
 
-// Two sums side by side: one alone would wait for each addition.
-template <class V>
-inline V dot(const V* a, const V* b, int n) {
-    V even = {}, odd = {};
-    int i = 0;
-    for (; i + 1 < n; i += 2) {
-        even = even + a[i] * b[i];
-        odd = odd + a[i + 1] * b[i + 1];
-    }
-    if (i < n) even = even + a[i] * b[i];
-    return even + odd;
-}
 template <class V>
 inline void add_scaled(V* to, V factor, const V* v, int n) {
     for (int i = 0; i < n; ++i) to[i] = to[i] + factor * v[i];
 }
 
-// Reduces the symmetric matrix a (n x n, upper triangle) to tridiagonal form: diagonal d, off-diagonal e[0 .. n-2].
-// Reflection k is I - scales[k] v v^T with v in row k of a, right of the diagonal. p is scratch of n.
-template <class V>
-void tridiagonalise(V* a, int n, V* d, V* e, V* scales, V* p) {
-    for (int k = 0; k + 2 < n; ++k) {
-        const int m = n - k - 1;  // what is left to reduce: b, below and right of entry (k, k)
-        V* const v = a + k * n + k + 1;
-        V* const b = v + n;
-        const V squared = dot(v, v, m);
-        const V first = v[0];
-        const V reflected = with_sign(square_root(squared), first) * -1.0;
-        // Columns this small are zero next to a matrix of size one; dividing by them would overflow.
-        const auto small = less(squared, constant<V>(1e-200));
-        e[k] = select(small, first, reflected);
-        v[0] = first - reflected;
-        const V scale = select(small, V{}, inverse(select(small, constant<V>(1), squared - first * reflected)));
-        scales[k] = scale;
-        for (int i = 0; i < m; ++i) p[i] = V{};
-        for (int i = 0; i < m; ++i) {
-            const V* const row = b + i * n;
-            const V factor = v[i];
-            V sum = row[i] * factor;
-            for (int j = i + 1; j < m; ++j) {
-                sum = sum + row[j] * v[j];
-                p[j] = p[j] + row[j] * factor;
-            }
-            p[i] = p[i] + sum;
-        }
-        const V half = dot(p, v, m) * scale * scale * 0.5;
-        for (int i = 0; i < m; ++i) p[i] = half * v[i] - p[i] * scale;
-        for (int i = 0; i < m; ++i) {
-            V* const row = b + i * n;
-            const V vi = v[i], pi = p[i];
-            for (int j = i; j < m; ++j) row[j] = row[j] + vi * p[j] + pi * v[j];
-        }
-    }
-    if (n > 1) e[n - 2] = a[(n - 2) * n + n - 1];
-    for (int i = 0; i < n; ++i) d[i] = a[i * n + i];
-}
-
 // Applies the reflections to vectors x[j * n + i], so that what belonged to the tridiagonal matrix belongs to a.
 template <class V>
-void reflect_back(const V* a, int n, const V* scales, int count, V* x) {
+void reflect_back(const V* a, int n, int count, V* x) {
     for (int k = n - 3; k >= 0; --k) {
         const V* const v = a + k * n + k + 1;
+        const V scale = v[n - 1];
         for (int j = 0; j < count; ++j) {
             V* const to = x + j * n + k + 1;
-            add_scaled(to, dot(v, to, n - k - 1) * scales[k] * -1.0, v, n - k - 1);
+            add_scaled(to, dot<V, const V*>(v, to, n - k - 1) * scale * -1.0, v, n - k - 1);
         }
     }
 }
@@ -92,10 +38,6 @@ void reflect_back(const V* a, int n, const V* scales, int count, V* x) {
 // Plane rotations in the order in which they were made: those of a sweep turn axes (i, i + 1), i = high - 1 .. low.
 struct Sweep {
     int low, high;
-};
-template <class V>
-struct Rotation {
-    V sine, cosine;
 };
 template <class V>
 struct Rotations {
@@ -161,10 +103,7 @@ void multiply_out(Rotations<V>* t, int n, V* x, V* temporary) {
 // Returns lanes that did not converge. Scratch as in multiply_out.
 template <class V>
 Mask<V> diagonalise(V* d, V* e, int n, Rotations<V>* turns, V* x, V* temporary) {
-    V norm = {};
-    for (int i = 0; i < n; ++i) norm = maximum(norm, magnitude(d[i]) + (i + 1 < n ? magnitude(e[i]) : V{}));
-    // Of a multiple eigenvalue less than DBL_EPSILON may remain for ever: it is rounding of the shifted diagonal.
-    V negligible = norm * (2 * DBL_EPSILON);
+    V negligible = negligible_coupling<V>(d, e, n);
     int low = 0, high = n - 1;
     for (int sweep = 0;; ++sweep) {
         // The first 2 x 2 block of each lane that is not diagonal yet.
@@ -184,54 +123,22 @@ Mask<V> diagonalise(V* d, V* e, int n, Rotations<V>* turns, V* x, V* temporary) 
         while (!any(less(V{}, magnitude(e[high - 1])))) --high;
         if (turns->count + high - low > turns->capacity) multiply_out(turns, n, x, temporary);
 
-        // Wilkinson's shift: the eigenvalue of that block next to its first entry.
-        const V difference = next - diagonal;
-        const V root = square_root(coupling * coupling * 4.0 + difference * difference);
-        const V shift = (diagonal + next - with_sign(root, difference)) * 0.5;
+        QlSweep<V> ql(shift_for(diagonal, next, coupling), d, high);
         Rotation<V>* turn = turns->turns + turns->count;
-        V p = d[high] - shift, cosine = constant<V>(1), sine = {};
         for (int i = high - 1; i >= low; --i, ++turn) {
-            const V entry = d[i] - shift;
-            const V squared = e[i] * e[i] + p * p;
-            // Where both are nothing there is no angle, and none is needed.
-            const Mask<V> zero = less(squared, constant<V>(1e-280));
-            // Everything waits for these two; neither waits for the other.
-            const V length = square_root(squared), over_squared = inverse(squared);
-            const V over_length = length * over_squared;
-            const V g = cosine * e[i];
-            const V h = cosine * p;
-            e[i + 1] = sine * length;
-            sine = select(zero, V{}, e[i] * over_length);
-            cosine = select(zero, constant<V>(1), p * over_length);
-            d[i + 1] = h + sine * (cosine * g + sine * entry) + shift;
-            p = select(zero, entry, (p * entry - e[i] * g) * over_length);
-            *turn = {sine, cosine};
+            ql.step(d, e, i);
+            *turn = ql.turn;
         }
-        e[low] = sine * p;
-        d[low] = cosine * p + shift;
+        ql.finish(d, e, low);
         turns->count += high - low;
         turns->sweeps[turns->sweep_count++] = {low, high};
     }
 }
 
-// Powers of two: `up` at most `size`, and its inverse `down`. Both are normal numbers.
-template <class V>
-void find_scales(V size, V* up, V* down) {
-    const auto exponent = each(
-        [](Register x) {
-            const RegisterMask field = RegisterMask(x) >> 52;
-            const RegisterMask least = field < 1 ? RegisterMask{} + 1 : field;
-            return RegisterMask(least > 2045 ? RegisterMask{} + 2045 : least);
-        },
-        size);
-    *up = each([](RegisterMask field) { return Register(field << 52); }, exponent);
-    *down = each([](RegisterMask field) { return Register((2046 - field) << 52); }, exponent);
-}
-
 constexpr long capacity(long n) { return YASPS_ROTATIONS * n * n + n; }
 template <class V>
 struct Scratch {
-    V *a, *x, *d, *e, *p, *scales;
+    V *a, *x, *d, *e, *p;
     Mask<V>* rank;
     Rotations<V> turns;
 };
@@ -249,7 +156,6 @@ Scratch<V> cut_scratch(void* memory, int n) {
     s.d = take(n + 1);
     s.e = take(n + 1);
     s.p = take(n + 1);
-    s.scales = take(n + 1);
     s.rank = reinterpret_cast<Mask<V>*>(take(n + 1));
     Rotation<V>* const turns = reinterpret_cast<Rotation<V>*>(take(2 * capacity(n)));
     V* const product = take(n * n);
@@ -264,8 +170,8 @@ void remove_negative(double* packed, int stride, const double* sizes, int n, boo
     Scratch<V> s = cut_scratch<V>(memory, n);
     V size;
     load_lanes(sizes, &size);
-    V up, down, trace = {};
-    find_scales(size, &up, &down);
+    const V up = power_of_two(size, 1), down = power_of_two(size, -1);
+    V trace = {};
     const double* from = packed;
     for (int i = 0; i < n; ++i) {
         for (int j = i; j < n; ++j, from += stride) {
@@ -275,7 +181,10 @@ void remove_negative(double* packed, int stride, const double* sizes, int n, boo
         }
         trace = trace + magnitude(s.a[i * n + i]);
     }
-    tridiagonalise(s.a, n, s.d, s.e, s.scales, s.p);
+    if (n > 1)
+        tridiagonalise<V>(s.a, n, s.d, s.e);
+    else
+        s.d[0] = s.a[0];
     const M unfinished = diagonalise(s.d, s.e, n, &s.turns, s.x, s.p);
 
     V smallest = {};
@@ -284,7 +193,7 @@ void remove_negative(double* packed, int stride, const double* sizes, int n, boo
     result->unfinished = bits_of(unfinished);
     result->changed = bits_of(changes);
     // The negative eigenvalues of each lane are numbered; smaller ones are rounding.
-    const V rounding = trace * (-4 * DBL_EPSILON);
+    const V rounding = trace * (-4 * kEpsilon);
     const M none = each([](RegisterMask zero) { return zero - 1; }, M{});
     M found = {};
     for (int i = 0; i < n; ++i) {
@@ -303,7 +212,7 @@ void remove_negative(double* packed, int stride, const double* sizes, int n, boo
         s.e[j] = weight * (flip ? -2.0 : -1.0);
     }
     apply(s.turns, n, count, s.x, s.p);
-    reflect_back(s.a, n, s.scales, count, s.x);
+    reflect_back(s.a, n, count, s.x);
     double* at = packed;
     for (int r = 0; r < n; ++r) {
         for (int j = 0; j < count; ++j) s.p[j] = s.e[j] * s.x[j * n + r];
@@ -321,7 +230,7 @@ void remove_negative(double* packed, int stride, const double* sizes, int n, boo
 
 long negative_part_scratch(int n) {
     // As cut_scratch takes; a sweep needs no more than one of its rotations.
-    return (3L * n * n + 5L * (n + 1) + 2 * capacity(n)) * 2 * kYaspsLanes + capacity(n);
+    return (3L * n * n + 4L * (n + 1) + 2 * capacity(n)) * 2 * kYaspsLanes + capacity(n);
 }
 
 void remove_negative_part(double* packed, int stride, const double* sizes, int n, int packs, bool flip, double* scratch,

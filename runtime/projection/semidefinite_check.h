@@ -7,13 +7,13 @@
 
 #include <float.h>
 
+#include "projection/cone.h"
+
 namespace yasps {
 namespace {
 
 constexpr int kLanes = kYaspsLanes;
 constexpr int kCollected = 2 * kLanes;  // matrices that are decomposed at once
-
-enum Mode { kClamp = 0, kAbsolute = 1, kLeave = 2 };
 
 inline d8 size_of(d8 v) { return reinterpret_cast<d8>(reinterpret_cast<l8>(v) & INT64_MAX); }
 
@@ -75,7 +75,7 @@ inline Check check_pack(const d8_unaligned* a, int any_width, d8* work) {
 // Bit set of lanes that do not pass. Near the ends of the number range the factorisation overflows, and none does:
 // there the eigenvalues decide, after scaling.
 inline unsigned failing_lanes(const Check& check) {
-    const l8 safe = (check.trace < 1e290) & ((check.trace > 1e-290) | (check.trace == 0.0));
+    const l8 safe = (check.trace < kLargestSum) & ((check.trace > kSmallestSum) | (check.trace == 0.0));
     return bits_of_eight(~(check.passed & safe));
 }
 

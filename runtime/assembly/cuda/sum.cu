@@ -1,6 +1,6 @@
 // The sum of an array, always added in the same order: each block leaves one number, a last block adds those up.
 // Floor: one read of the array.
-#include "solvers/cuda/solver.cuh"
+#include "core/cuda/grid.cuh"
 
 // As many blocks of kThreads as run at once, or fewer.
 extern "C" __global__ void __launch_bounds__(kThreads, 10)

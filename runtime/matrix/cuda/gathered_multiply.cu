@@ -2,7 +2,7 @@
 //
 // Every block above the diagonal is read twice, so the floor of bytes is about twice that of multiply.cu: for each
 // block of a row of the full matrix 8 r c + 16 (its entry), and 16 a scalar.
-#include "solvers/cuda/solver.cuh"
+#include "matrix/cuda/block_list.cuh"
 
 // One block in the row of a dof block: where its numbers are, and what they multiply.
 struct yasps_entry {

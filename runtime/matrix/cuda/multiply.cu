@@ -7,7 +7,7 @@
 // Blocks are read as one contiguous stream through shared memory; x is read and y added to at scattered places, which
 // the caches hold where the order of unknowns is local. Sums of a row are added up within a warp before they go to
 // memory; columns go there block by block. The order of atomic additions is not fixed, see gathered_multiply.cu.
-#include "solvers/cuda/solver.cuh"
+#include "matrix/cuda/block_list.cuh"
 
 namespace {
 

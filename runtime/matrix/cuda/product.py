@@ -13,12 +13,9 @@ from typing import Protocol
 
 import numpy as np
 
-from yasps.runtime.device.protocol import Device, DeviceArray, LoadedProgram
+from yasps.runtime.device.protocol import BLOCK, Device, DeviceArray, LoadedProgram
 from yasps.runtime.matrix.cuda.block_matrix import CudaBlockGroup, CudaBlockMatrix
 from yasps.runtime.matrix.cuda.build import MOST_SOURCES, BuildScratch
-
-THREADS = 128
-"""Threads of a block in all kernels of the solver (`kThreads` in solver.cuh)."""
 
 # What a warp takes at once: 32 small blocks, or one after another in each of some teams of lanes.
 _SMALL_SHAPES = {(1, 1), (1, 3), (3, 1), (2, 2), (3, 3)}
@@ -39,7 +36,7 @@ class Launch:
 
     def do(self, device: Device, program: LoadedProgram) -> None:
         """Asks the device for it."""
-        device.launch(program.kernel(self.kernel), self.threads, self.arguments, block=THREADS)
+        device.launch(program.kernel(self.kernel), self.threads, self.arguments)
 
 
 class Product(Protocol):
@@ -64,7 +61,7 @@ class _Shape:
 
 
 class _BlockLists:
-    """The blocks of all matrices as a table on the device, `yasps_block_list` in solver.cuh, ordered by shape."""
+    """The blocks of all matrices as a table on the device, `yasps_block_list` in block_list.cuh, ordered by shape."""
 
     def __init__(self, device: Device) -> None:
         self._sent: list[list[int]] = []
@@ -195,7 +192,7 @@ class GatheredProduct:
         if small:
             launches.append(Launch("yasps_gather_small", _LANES_OF_SMALL * small, (starts, small, *data)))
         if large:
-            launches.append(Launch("yasps_gather_large", THREADS * large, (starts + 4 * small, large, *data)))
+            launches.append(Launch("yasps_gather_large", BLOCK * large, (starts + 4 * small, large, *data)))
         return launches
 
 

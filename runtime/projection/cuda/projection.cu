@@ -9,13 +9,10 @@
 // there is to do; a decomposition 4,600 to reduce the matrix and back (8 / 3 n^3), and 190 rotations (1.3 n^2) with
 // 9,000 multiplications, loads and stores on eigenvectors. Compiled, never timed.
 #include "projection/cuda/projection.cuh"
+#include "projection/tridiagonal.h"
 
 namespace yasps {
 namespace {
-
-// Sweeps for each eigenvalue: two are usual. After the first number couplings of growing size are taken for zero, after
-// the second the search ends.
-constexpr int kManySweeps = 4, kSweepsPerEigenvalue = 10;
 
 // Checks a matrix of any width: rows of U in A = U^T D^-1 U one after another, three columns at a time so that four
 // numbers are loaded for three multiplications. Ends at the first pivot that is not positive.
@@ -61,60 +58,6 @@ __device__ Check check_any(Matrix packed, int n, Work work) {
     return {sum + trace, passes(packed, n, trace * kProjectionShift + kSmallestNormal, work)};
 }
 
-// Reduces the symmetric matrix a (n x n, upper triangle) to tridiagonal form: diagonal d, off-diagonal e[0 .. n-2].
-// Reflection k is I - s v v^T with v in row k of a, right of the diagonal, and s below the diagonal, at (k + 1, k).
-// What is not yet needed of e is scratch.
-template <class Work>
-__device__ inline void tridiagonalise(Work a, int n, Work d, Work e) {
-    YASPS_ROLLED
-    for (int k = 0; k + 2 < n; ++k) {
-        const int m = n - k - 1;  // what is left to reduce: b, below and right of entry (k, k)
-        const Work v = a + (k * n + k + 1);
-        const Work b = v + n;
-        const Work p = e + (k + 1);
-        d[k] = v[-1];
-        double squared = 0.0;
-        for (int i = 0; i < m; ++i) squared += v[i] * v[i];
-        const double first = v[0];
-        b[-1] = 0.0;
-        // Columns this small are far below rounding of a matrix of size one.
-        if (squared < 1e-40) {
-            e[k] = first;
-            continue;
-        }
-        const double reflected = -copysign(sqrt(squared), first), scale = 1.0 / (squared - first * reflected);
-        e[k] = reflected;
-        b[-1] = scale;
-        v[0] = first - reflected;
-        for (int i = 0; i < m; ++i) p[i] = 0.0;
-        double half = 0.0;
-        YASPS_ROLLED
-        for (int i = 0; i < m; ++i) {
-            const Work row = b + i * n;
-            const double factor = v[i];
-            double sum = p[i] + row[i] * factor;
-            for (int j = i + 1; j < m; ++j) {
-                sum += row[j] * v[j];
-                p[j] += row[j] * factor;
-            }
-            p[i] = sum;
-            half += sum * factor;
-        }
-        half *= 0.5 * scale * scale;
-        for (int i = 0; i < m; ++i) p[i] = half * v[i] - scale * p[i];
-        YASPS_ROLLED
-        for (int i = 0; i < m; ++i) {
-            const Work row = b + i * n;
-            const double vi = v[i], pi = p[i];
-            for (int j = i; j < m; ++j) row[j] += vi * p[j] + pi * v[j];
-        }
-    }
-    const Work corner = a + ((n - 2) * n + n - 2);
-    d[n - 2] = corner[0];
-    e[n - 2] = corner[1];
-    d[n - 1] = corner[n + 1];
-}
-
 // Puts the product of all reflections in their place, its columns as rows of a.
 template <class Work>
 __device__ inline void multiply_reflections(Work a, int n) {
@@ -149,38 +92,22 @@ __device__ inline void multiply_reflections(Work a, int n) {
 // room for n. False if eigenvalues were not found.
 template <class Work>
 __device__ inline bool diagonalise(Work d, Work e, int n, Work z) {
-    double norm = 0.0;
-    for (int i = 0; i < n; ++i) norm = fmax(norm, fabs(d[i]) + (i + 1 < n ? fabs(e[i]) : 0.0));
-    // Of a multiple eigenvalue less than kEpsilon may remain for ever: it is rounding of the shifted diagonal.
-    double negligible = norm * (2 * kEpsilon);
+    double negligible = negligible_coupling<double>(d, e, n);
     int low = 0;
     YASPS_ROLLED
     for (int sweep = 0;; ++sweep) {
         while (low + 1 < n && fabs(e[low]) <= negligible) ++low;
         if (low + 1 >= n) return true;
-        if (sweep == kSweepsPerEigenvalue * n) return false;
+        if (sweep == kMaxSweeps * n) return false;
         if (sweep > kManySweeps * n && sweep % n == 0) negligible *= 2.0;
         int high = low + 1;
         while (high + 1 < n && fabs(e[high]) > negligible) ++high;
 
-        // Wilkinson's shift: the eigenvalue of the first 2 x 2 block next to its first entry.
-        const double diagonal = d[low], next = d[low + 1], difference = next - diagonal;
-        const double root = sqrt(4.0 * e[low] * e[low] + difference * difference);
-        const double shift = 0.5 * (diagonal + next - copysign(root, difference));
-        double p = d[high] - shift, cosine = 1.0, sine = 0.0;
+        QlSweep<double> ql(shift_for(d[low], d[low + 1], e[low]), d, high);
         YASPS_ROLLED
         for (int i = high - 1; i >= low; --i) {
-            const double entry = d[i] - shift, coupling = e[i];
-            const double squared = coupling * coupling + p * p;
-            // Where both are nothing there is no angle, and none is needed.
-            const bool zero = squared < 1e-280;
-            const double over_length = zero ? 0.0 : rsqrt(squared);
-            const double g = cosine * coupling, h = cosine * p;
-            e[i + 1] = sine * squared * over_length;
-            sine = coupling * over_length;
-            cosine = zero ? 1.0 : p * over_length;
-            d[i + 1] = h + sine * (cosine * g + sine * entry) + shift;
-            p = zero ? entry : (p * entry - coupling * g) * over_length;
+            ql.step(d, e, i);
+            const double cosine = ql.turn.cosine, sine = ql.turn.sine;
             const Work upper = z + i * n;
             const Work lower = upper + n;
             for (int r = 0; r < n; ++r) {
@@ -189,8 +116,7 @@ __device__ inline bool diagonalise(Work d, Work e, int n, Work z) {
                 lower[r] = sine * x + cosine * y;
             }
         }
-        e[low] = sine * p;
-        d[low] = cosine * p + shift;
+        ql.finish(d, e, low);
     }
 }
 
@@ -200,14 +126,14 @@ __device__ __noinline__ int remove_negative(Matrix packed, int n, bool flip, dou
     const Work a = work;
     const Work d = work + n * n;
     const Work e = d + n;
-    const Scales scale = scales_of(size);
+    const double down = power_of_two(size, -1), up = power_of_two(size, 1);
     double trace = 0.0;
     YASPS_ROLLED
     for (int i = 0, k = 0; i < n; ++i) {
-        trace += fabs(packed[k] * scale.down);
-        for (int j = i; j < n; ++j) a[i * n + j] = packed[k++] * scale.down;
+        trace += fabs(packed[k] * down);
+        for (int j = i; j < n; ++j) a[i * n + j] = packed[k++] * down;
     }
-    tridiagonalise(a, n, d, e);
+    tridiagonalise<double>(a, n, d, e);
     multiply_reflections(a, n);
     if (!diagonalise(d, e, n, a)) return kNotFinite;
 
@@ -229,9 +155,9 @@ __device__ __noinline__ int remove_negative(Matrix packed, int n, bool flip, dou
         for (int j = 0; j < count; ++j) d[j] = e[j] * a[j * n + r];
         YASPS_ROLLED
         for (int c = r; c < n; ++c, ++k) {
-            double sum = packed[k] * scale.down;
+            double sum = packed[k] * down;
             for (int j = 0; j < count; ++j) sum += d[j] * a[j * n + c];
-            packed[k] = sum * scale.up;
+            packed[k] = sum * up;
         }
     }
     return kChanged;
@@ -240,17 +166,20 @@ __device__ __noinline__ int remove_negative(Matrix packed, int n, bool flip, dou
 // A width of up to three, as a matrix of width three with zeros.
 template <class Matrix>
 __device__ __noinline__ int project_small(Matrix packed, int n, int mode) {
-    double all[6] = {packed[0], 0.0, 0.0, 0.0, 0.0, 0.0};
-    if (n > 1) {
-        all[1] = packed[1];
-        all[3] = packed[n];
+    const auto place = [n](int r, int s) { return r * n - r * (r + 1) / 2 + s; };
+    double all[6];
+    YASPS_UNROLLED
+    for (int r = 0; r < 3; ++r) {
+        YASPS_UNROLLED
+        for (int s = 0; s < 3; ++s)
+            if (s >= r) all[place_of<3>(r, s)] = s < n ? packed[place(r, s)] : 0.0;
     }
-    if (n > 2) {
-        all[2] = packed[2];
-        all[4] = packed[4];
-        all[5] = packed[5];
+    Symmetric<double> turned;
+    YASPS_UNROLLED
+    for (int k = 0; k < 3; ++k) {
+        turned.diagonal[k] = all[place_of<3>(k, k)];
+        turned.opposite[k] = all[place_of<3>((k + 1) % 3, (k + 2) % 3)];
     }
-    const Symmetric given = {all[0], all[3], all[5], all[4], all[2], all[1]};
     const Check check = check_in_registers<3>(all);
     const Outcome outcome = outcome_of(check, packed, n, mode);
     if (outcome != kUndecided) return outcome;
@@ -259,24 +188,31 @@ __device__ __noinline__ int project_small(Matrix packed, int n, int mode) {
         packed[0] = mode == kAbsolute ? -packed[0] : 0.0;
         return kChanged;
     }
-    const Scales scale = scales_of(check.sum);
-    const Symmetric scaled = {given.xx * scale.down, given.yy * scale.down, given.zz * scale.down,
-                              given.yz * scale.down, given.xz * scale.down, given.xy * scale.down};
-    const double trace = fabs(scaled.xx) + fabs(scaled.yy) + fabs(scaled.zz);
-    Symmetric turned = scaled;
-    Columns e;
-    if (!diagonalise(turned, e)) return kNotFinite;
-    if (!(fmin(turned.xx, fmin(turned.yy, turned.zz)) < trace * -kProjectionShift)) return kUnchanged;
-    const double factor = mode == kAbsolute ? -2.0 : -1.0;
-    const Vector a = e.a * (factor * fmin(turned.xx, 0.0)), b = e.b * (factor * fmin(turned.yy, 0.0)),
-                 c = e.c * (factor * fmin(turned.zz, 0.0));
-    packed[0] = (scaled.xx + a.x * e.a.x + b.x * e.b.x + c.x * e.c.x) * scale.up;
-    packed[1] = (scaled.xy + a.x * e.a.y + b.x * e.b.y + c.x * e.c.y) * scale.up;
-    packed[n] = (scaled.yy + a.y * e.a.y + b.y * e.b.y + c.y * e.c.y) * scale.up;
-    if (n == 2) return kChanged;
-    packed[2] = (scaled.xz + a.x * e.a.z + b.x * e.b.z + c.x * e.c.z) * scale.up;
-    packed[4] = (scaled.yz + a.y * e.a.z + b.y * e.b.z + c.y * e.c.z) * scale.up;
-    packed[5] = (scaled.zz + a.z * e.a.z + b.z * e.b.z + c.z * e.c.z) * scale.up;
+    const double down = power_of_two(check.sum, -1);
+    YASPS_UNROLLED
+    for (int k = 0; k < 3; ++k) {
+        turned.diagonal[k] *= down;
+        turned.opposite[k] *= down;
+    }
+    const double trace = fabs(turned.diagonal[0]) + fabs(turned.diagonal[1]) + fabs(turned.diagonal[2]);
+    Columns<double> e;
+    if (diagonalise<3>(turned, e) != 0) return kNotFinite;
+    double* const values = turned.diagonal;
+    if (!(fmin(values[0], fmin(values[1], values[2])) < trace * -kProjectionShift)) return kUnchanged;
+    const double factor = mode == kAbsolute ? -2.0 : -1.0, up = power_of_two(check.sum, 1);
+    YASPS_UNROLLED
+    for (int k = 0; k < 3; ++k) values[k] = factor * fmin(values[k], 0.0);
+    YASPS_UNROLLED
+    for (int r = 0; r < 3; ++r) {
+        YASPS_UNROLLED
+        for (int s = 0; s < 3; ++s) {
+            if (s < r || s >= n) continue;
+            double sum = packed[place(r, s)] * down;
+            YASPS_UNROLLED
+            for (int k = 0; k < 3; ++k) sum += values[k] * e.c[k].at[r] * e.c[k].at[s];
+            packed[place(r, s)] = sum * up;
+        }
+    }
     return kChanged;
 }
 

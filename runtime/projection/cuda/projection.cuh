@@ -11,7 +11,9 @@
 // through memory (n (n + 1) doubles each) and splits every generated kernel in two; not without a GPU to measure it.
 #pragma once
 
-#include "projection/cuda/three_by_three.cuh"
+#include "projection/cone.h"
+#include "projection/cuda/number.cuh"
+#include "projection/three_by_three.h"
 
 // mode: 0 = negative eigenvalues become 0, 1 = their absolute value, 2 = nothing is changed. Returns 1 if the matrix
 // was changed, 0 if it keeps every bit, -1 if an entry is not finite (or eigenvalues cannot be found). work: scratch of
@@ -28,11 +30,7 @@ extern "C" __device__ int yasps_project_isotropic(double* packed, const double* 
 
 namespace yasps {
 
-enum Mode { kClamp = 0, kAbsolute = 1, kLeave = 2 };
 enum Outcome { kNotFinite = -1, kUnchanged = 0, kChanged = 1, kUndecided = 2 };
-
-// Eigenvalues above -kProjectionShift * (sum of |diagonal|) count as zero; as in runtime/core/runtime.h.
-constexpr double kProjectionShift = 1e-13;
 
 // Numbers `step` apart. In global memory that many threads work on, number k of one thread stands beside number k of
 // the next, so that a warp reads and writes whole lines; what a compiler puts on the stack it arranges so itself.
@@ -48,8 +46,7 @@ struct Check {
     bool passed;  // the matrix plus the shift has an LDL^T factorisation with a positive D
 };
 
-// Beyond, sums and products of entries may overflow or vanish.
-__device__ inline bool in_range(double sum) { return sum < 1e290 && (sum > 1e-290 || sum == 0.0); }
+__device__ inline bool in_range(double sum) { return sum < kLargestSum && (sum > kSmallestSum || sum == 0.0); }
 
 template <class Numbers>
 __device__ inline bool all_finite(Numbers packed, int entries) {
@@ -66,12 +63,6 @@ __device__ inline Outcome outcome_of(const Check& check, Numbers packed, int n, 
     if (check.passed && in_range(check.sum)) return kUnchanged;
     if (!(check.sum <= kLargest) && !all_finite(packed, n * (n + 1) / 2)) return kNotFinite;
     return mode == kLeave ? kUnchanged : kUndecided;
-}
-
-// Where entry (r, s) of the upper triangle is in a packed matrix, or (s, r) below the diagonal.
-template <int n>
-__device__ constexpr int place_of(int r, int s) {
-    return r <= s ? r * n - r * (r + 1) / 2 + s : s * n - s * (s + 1) / 2 + r;
 }
 
 // Checks a triangle of a width known here, in registers, in place. Bounds of all loops are constants, so that every
@@ -107,16 +98,6 @@ __device__ inline Check check_of(Numbers packed) {
     YASPS_UNROLLED
     for (int k = 0; k < n * (n + 1) / 2; ++k) a[k] = packed[k];
     return check_in_registers<n>(a);
-}
-
-// Powers of two: `up` about `size`, and its inverse `down`. Both are normal numbers.
-struct Scales {
-    double up, down;
-};
-__device__ inline Scales scales_of(double size) {
-    const int exponent = ilogb(size), most = exponent < 1022 ? exponent : 1022;
-    const int both = most > -1022 ? most : -1022;
-    return {scalbn(1.0, both), scalbn(1.0, -both)};
 }
 
 }  // namespace yasps

@@ -7,10 +7,10 @@ from collections.abc import Sequence
 import numpy as np
 
 from yasps.runtime.core.library import IntArray, LongArray
-from yasps.runtime.device.protocol import Device, DeviceArray, Graph, LoadedProgram, blocks_for_sum
+from yasps.runtime.device.protocol import BLOCK, Device, DeviceArray, Graph, LoadedProgram, blocks_for_sum
 from yasps.runtime.matrix.cuda.block_matrix import CudaBlockMatrix
 from yasps.runtime.matrix.cuda.build import BuildScratch
-from yasps.runtime.matrix.cuda.product import THREADS, GatheredProduct, Launch, Product, ScatteredProduct
+from yasps.runtime.matrix.cuda.product import GatheredProduct, Launch, Product, ScatteredProduct
 from yasps.runtime.solvers.pcg import SolveReport, StopReason
 
 # As in solver.cuh.
@@ -160,7 +160,7 @@ class CudaSolver:
     def _start(self, parts: Sequence[CudaBlockMatrix], g: DeviceArray, x0: DeviceArray | None) -> None:
         """Everything before the first iteration."""
         part = parts[0]
-        size, threads = part.size, THREADS * self._blocks(part.size)
+        size, threads = part.size, BLOCK * self._blocks(part.size)
         x, q, partial, worst = self._x.address, self._q.address, self._partial.address, self._worst.address
         runs, inverse = (self._runs.address, self._runs.shape[0]), self._inverse.address
         start = x0.address if x0 is not None else 0
@@ -176,7 +176,7 @@ class CudaSolver:
         settings = (self._settings.address, self._states.address)
         launches += [
             Launch("yasps_pcg_start", threads, (g.address, q, *runs, inverse, size, *vectors, partial)),
-            Launch("yasps_pcg_begin", THREADS, (partial, self._blocks(size), worst, *settings)),
+            Launch("yasps_pcg_begin", BLOCK, (partial, self._blocks(size), worst, *settings)),
         ]
         self._do(launches)
         if x0 is not None:
@@ -206,7 +206,7 @@ class CudaSolver:
 
     def _iteration(self, size: int, odd: int) -> list[Launch]:
         """The launches of one iteration. Odd ones swap the two states and the two residuals."""
-        threads = THREADS * self._blocks(size)
+        threads = BLOCK * self._blocks(size)
         states = [self._states.address, self._states.address + _STATE.itemsize]
         residuals = [self._residuals.address, self._residuals.address + 8 * size]
         now, after, r, next_r = states[odd], states[1 - odd], residuals[odd], residuals[1 - odd]

@@ -1,24 +1,11 @@
-// What the kernels of the linear solver share: the state of the iteration, lists of blocks, and sums over a grid.
+// What the kernels of the linear solver share: the state of the iteration and the place of a scalar in its dof block.
 //
 // Structures here are filled or read by runtime/solvers/cuda/pcg.py, which knows their layout. All members have 8
 // bytes.
 #ifndef YASPS_SOLVER_CUH
 #define YASPS_SOLVER_CUH
 
-constexpr int kThreads = 128;  // of every block of these kernels
-constexpr int kWarps = kThreads / 32;
-
-// Blocks of one shape of one matrix, sorted by (row, col); rows and cols are scalar offsets.
-struct yasps_block_list {
-    const double* values;
-    const int* rows;
-    const int* cols;
-    long count;
-    long chunk;   // blocks that a warp takes at once
-    long chunks;  // count / chunk, rounded up
-    long before;  // blocks of the lists before this one
-    long unused;
-};
+#include "matrix/cuda/block_list.cuh"
 
 // Dof blocks of one size that follow each other.
 struct yasps_run {
@@ -27,7 +14,7 @@ struct yasps_run {
     long inverse;  // where their inverted diagonal blocks begin; one row after another, `size` doubles each
 };
 
-enum : long { kRunning = -1, kConverged = 0, kMaxIterations = 1, kNotPositiveDefinite = 2, kNotFinite = 3 };
+enum : long { kConverged = 0, kMaxIterations = 1, kNotPositiveDefinite = 2, kNotFinite = 3 };
 
 // Between two iterations. An iteration reads one and fills the other, so no kernel reads what it writes.
 struct yasps_pcg_state {
@@ -46,32 +33,6 @@ struct yasps_pcg_settings {
     long max_iterations;
     double* history;  // [max_iterations + 1] or null
 };
-
-__device__ __forceinline__ bool is_finite(double value) { return fabs(value) <= 1.7976931348623157e308; }
-
-__device__ __forceinline__ long thread_of_grid() { return blockIdx.x * (long)blockDim.x + threadIdx.x; }
-__device__ __forceinline__ long threads_of_grid() { return gridDim.x * (long)blockDim.x; }
-
-// The sum over all threads of a block, known to each. Always the same order of additions.
-__device__ inline double block_sum(double value) {
-    __shared__ double sums[kWarps];
-    for (int by = 16; by > 0; by /= 2) value += __shfl_down_sync(~0u, value, by);
-    if (threadIdx.x % 32 == 0) sums[threadIdx.x / 32] = value;
-    __syncthreads();
-    double total = 0;
-    for (int warp = 0; warp < kWarps; ++warp) total += sums[warp];
-    __syncthreads();  // so that the next call may write
-    return total;
-}
-
-// The sum of what the blocks of an earlier kernel left, known to each thread. Every block adds them up for itself, in
-// reads that hit the L2 cache: with as many blocks as run at once (8 a multiprocessor) 8 reads a thread on an H100,
-// cheaper than one more kernel.
-__device__ inline double sum_of(const double* partial, long count) {
-    double sum = 0;
-    for (long i = threadIdx.x; i < count; i += kThreads) sum += partial[i];
-    return block_sum(sum);
-}
 
 // Where scalar i lies: its dof block is the `size` scalars from `first` on, and `inverse` the row of its inverse.
 struct yasps_place {

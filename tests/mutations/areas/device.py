@@ -19,7 +19,7 @@ STRUCTURE, PCG, MULTIPLY = (
     "runtime/solvers/cuda/pcg.cu",
     "runtime/matrix/cuda/multiply.cu",
 )
-GATHER, SHARED = "runtime/matrix/cuda/gathered_multiply.cu", "runtime/solvers/cuda/solver.cuh"
+GATHER, SHARED = "runtime/matrix/cuda/gathered_multiply.cu", "runtime/core/cuda/grid.cuh"
 
 MUTATIONS = (
     Mutation(
@@ -284,8 +284,8 @@ MUTATIONS = (
     Mutation(
         "projection by singular values: flip and twist exchanged",
         "runtime/projection/cuda/isotropic.cu",
-        "left_i = (across < 0) == smaller ? uj : uj * -1.0;",
-        "left_i = (across < 0) != smaller ? uj : uj * -1.0;",
+        "(across < 0) == smaller ?",
+        "(across < 0) != smaller ?",
         ISOTROPIC,
     ),
     Mutation(
@@ -297,14 +297,14 @@ MUTATIONS = (
     ),
     Mutation(
         "singular values: the third column of U is the second",
-        "runtime/projection/cuda/isotropic.cuh",
-        "u.c = cross(u.a, u.b);",
-        "u.c = u.b;",
+        "runtime/projection/three_by_three.h",
+        "u.c[2] = cross(u.c[0], u.c[1]);",
+        "u.c[2] = u.c[1];",
         ISOTROPIC,
     ),
     Mutation(
         "rotations are no rotations",
-        "runtime/projection/cuda/three_by_three.cuh",
+        "runtime/projection/three_by_three.h",
         "q = q * r.cosine - old * r.sine;",
         "q = q * r.cosine + old * r.sine;",
         ISOTROPIC,

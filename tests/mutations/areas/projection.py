@@ -14,7 +14,7 @@ CODE, CHECK = "runtime/projection/negative_part.cpp", "runtime/projection/semide
 MUTATIONS = (
     Mutation(
         "matrices with small negative eigenvalues pass",
-        "runtime/core/runtime.h",
+        "runtime/projection/cone.h",
         "constexpr double kProjectionShift = 1e-13;",
         "constexpr double kProjectionShift = 1e-4;",
         NUMPY,
@@ -28,7 +28,7 @@ MUTATIONS = (
     ),
     Mutation(
         "reduction: a sign in the update of the rest",
-        CODE,
+        "runtime/projection/tridiagonal.h",
         "p[i] = half * v[i] - p[i] * scale;",
         "p[i] = half * v[i] + p[i] * scale;",
         NUMPY,
@@ -36,8 +36,8 @@ MUTATIONS = (
     Mutation(
         "reflections are not undone",
         CODE,
-        "scales[k] * -1.0, v, n - k - 1);",
-        "scales[k], v, n - k - 1);",
+        "* scale * -1.0, v, n - k - 1);",
+        "* scale, v, n - k - 1);",
         NUMPY,
     ),
     Mutation(
@@ -127,20 +127,20 @@ MUTATIONS = (
     Mutation(
         "by singular values: flip and twist exchanged",
         "runtime/projection/isotropic.cpp",
-        "with_sign(constant<Eight>(1), Eight{} - across)",
-        "with_sign(constant<Eight>(1), across)",
+        "const Eight sign = with_sign(constant<Eight>(1), across);",
+        "const Eight sign = with_sign(constant<Eight>(-1), across);",
         BY_SINGULAR_VALUES,
     ),
     Mutation(
         "by singular values: entries beside the diagonal exchanged",
-        "runtime/projection/isotropic.cpp",
+        "runtime/projection/isotropic_blocks.h",
         "same.opposite[0] = (y + z - x) * 0.5;",
         "same.opposite[0] = (x + z - y) * 0.5;",
         BY_SINGULAR_VALUES,
     ),
     Mutation(
         "by singular values: of a 3x2 F the last two eigenvalues are one",
-        "runtime/projection/isotropic.cpp",
+        "runtime/projection/isotropic_blocks.h",
         "found.last[1] = dot(u.c[2], right[1]);",
         "found.last[1] = dot(u.c[2], right[0]);",
         BY_SINGULAR_VALUES,
@@ -164,21 +164,21 @@ MUTATIONS = (
     ),
     Mutation(
         "singular values: the third column of U is the second",
-        "runtime/projection/singular_values.h",
+        "runtime/projection/three_by_three.h",
         "u.c[2] = cross(u.c[0], u.c[1]);",
         "u.c[2] = u.c[1];",
         BY_SINGULAR_VALUES,
     ),
     Mutation(
         "singular values: V is not turned along",
-        "runtime/projection/singular_values.h",
+        "runtime/projection/three_by_three.h",
         "    turn(v.c[kTurned], v.c[kTurned + 1], r);\n",
         "",
         BY_SINGULAR_VALUES,
     ),
     Mutation(
         "singular values: columns of next to no length are divided by it",
-        "runtime/projection/singular_values.h",
+        "runtime/projection/three_by_three.h",
         "    if (any(thin)) replace_thin(a, thin, u);\n",
         "",
         (f"{ISOTROPIC}::test_agrees_with_numpy", f"{ISOTROPIC}::test_unusual_matrices_where_nearly_all_fail"),

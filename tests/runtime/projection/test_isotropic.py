@@ -329,5 +329,5 @@ def test_sources_are_complete_and_say_where_lines_come_from() -> None:
     (text,) = [source.text for source in runtime_sources() if source.name == "runtime.isotropic"]
     assert '#include "' not in text
     assert "#pragma once" not in text
-    for header in ("runtime.h", "semidefinite_check.h", "singular_values.h", "vectors.h"):
+    for header in ("runtime.h", "semidefinite_check.h", "three_by_three.h", "vectors.h"):
         assert text.count(f'#line 1 "{header}"') == 1

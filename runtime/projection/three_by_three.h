@@ -1,19 +1,26 @@
-// Eigenvectors and singular value decompositions of 3x3 matrices, one in each lane of V: Eight or Sixteen of vectors.h.
+// Eigenvectors and singular value decompositions of 3x3 matrices, for packs of them and for one.
+//
+// V is a number of each matrix: Eight or Sixteen of core/vectors.h on the CPU, a double of cuda/number.cuh for a thread
+// of a GPU. Whoever includes this has included one of the two, which say what can be done with numbers.
 #pragma once
-
-#include <float.h>
-
-#include "core/vectors.h"
 
 namespace yasps {
 namespace {
+
+// Where entry (r, s) of the upper triangle of an n x n matrix is if packed row by row, or (s, r) below the diagonal.
+template <int n>
+YASPS_FUNCTION constexpr int place_of(int r, int s) {
+    return r <= s ? r * n - r * (r + 1) / 2 + s : s * n - s * (s + 1) / 2 + r;
+}
 
 // Sweeps of Jacobi rotations before giving up; one or none is usual, four or five without a good start.
 constexpr int kMostSweeps = 30;
 // Columns are orthogonal if the projection of one on a longer one is below this, for an F of size one.
 constexpr double kOblique = 4e-15;
-// Beside an F of size one: columns this short have no direction.
-constexpr double kNothing = 1e-15;
+// Beside an F of size one: columns this short have no direction but that of rounding. Measured: with 1e-17 what
+// rounding leaves of an F of rank one counts as a direction (errors of 3e-14), with 1e-15 columns lose theirs (9e-15);
+// here 3e-15.
+constexpr double kNothing = 3e-16;
 // Columns this much shorter than others get their direction with care.
 constexpr double kThin = 1e-5;
 // Squares of sizes below this are zero; divided by the third power of its root there is no overflow.
@@ -24,28 +31,28 @@ struct Vector {
     V at[3];
 };
 template <class V>
-inline Vector<V> operator*(const Vector<V>& a, V s) {
+YASPS_FUNCTION inline Vector<V> operator*(const Vector<V>& a, V s) {
     return {{a.at[0] * s, a.at[1] * s, a.at[2] * s}};
 }
 template <class V>
-inline Vector<V> operator+(const Vector<V>& a, const Vector<V>& b) {
+YASPS_FUNCTION inline Vector<V> operator+(const Vector<V>& a, const Vector<V>& b) {
     return {{a.at[0] + b.at[0], a.at[1] + b.at[1], a.at[2] + b.at[2]}};
 }
 template <class V>
-inline Vector<V> operator-(const Vector<V>& a, const Vector<V>& b) {
+YASPS_FUNCTION inline Vector<V> operator-(const Vector<V>& a, const Vector<V>& b) {
     return {{a.at[0] - b.at[0], a.at[1] - b.at[1], a.at[2] - b.at[2]}};
 }
 template <class V>
-inline V dot(const Vector<V>& a, const Vector<V>& b) {
+YASPS_FUNCTION inline V dot(const Vector<V>& a, const Vector<V>& b) {
     return a.at[0] * b.at[0] + a.at[1] * b.at[1] + a.at[2] * b.at[2];
 }
 template <class V>
-inline Vector<V> cross(const Vector<V>& a, const Vector<V>& b) {
+YASPS_FUNCTION inline Vector<V> cross(const Vector<V>& a, const Vector<V>& b) {
     return {{a.at[1] * b.at[2] - a.at[2] * b.at[1], a.at[2] * b.at[0] - a.at[0] * b.at[2],
              a.at[0] * b.at[1] - a.at[1] * b.at[0]}};
 }
 template <class V>
-inline Vector<V> choose(Mask<V> mask, const Vector<V>& a, const Vector<V>& b) {
+YASPS_FUNCTION inline Vector<V> choose(Mask<V> mask, const Vector<V>& a, const Vector<V>& b) {
     return {{select(mask, a.at[0], b.at[0]), select(mask, a.at[1], b.at[1]), select(mask, a.at[2], b.at[2])}};
 }
 
@@ -55,7 +62,7 @@ struct Columns {
     Vector<V> c[3];
 };
 template <class V>
-inline Columns<V> unit_columns() {
+YASPS_FUNCTION inline Columns<V> unit_columns() {
     const V zero = {}, one = constant<V>(1);
     return {{{{one, zero, zero}}, {{zero, one, zero}}, {{zero, zero, one}}}};
 }
@@ -67,9 +74,10 @@ struct Rotation {
 // The rotation that diagonalises [[p, off], [off, q]] and puts the larger eigenvalue first, for difference = p - q and
 // twice = 2 off: columns (p, q) become (cosine p + sine q, cosine q - sine p).
 template <class V>
-__attribute__((always_inline)) inline Rotation<V> rotation_for(V difference, V twice) {
+YASPS_ALWAYS_INLINE Rotation<V> rotation_for(V difference, V twice) {
     const V one = constant<V>(1), squared = difference * difference + twice * twice;
-    const auto nothing = less(squared, constant<V>(DBL_MIN));  // too small to be known: leave the columns as they are
+    const auto nothing =
+        less(squared, constant<V>(kSmallestNormal));  // too small to be known: leave the columns as they are
     // Of the doubled angle, cosine and sine are difference and twice times the reciprocal.
     const V reciprocal = inverse_root(select(nothing, one, squared));
     const V larger_squared = magnitude(difference) * reciprocal * 0.5 + constant<V>(0.5);
@@ -80,7 +88,7 @@ __attribute__((always_inline)) inline Rotation<V> rotation_for(V difference, V t
             select(nothing, V{}, select(swapped, with_sign(larger, half), smaller))};
 }
 template <class V>
-__attribute__((always_inline)) inline void turn(Vector<V>& p, Vector<V>& q, Rotation<V> r) {
+YASPS_ALWAYS_INLINE void turn(Vector<V>& p, Vector<V>& q, Rotation<V> r) {
     const Vector<V> old = p;
     p = p * r.cosine + q * r.sine;
     q = q * r.cosine - old * r.sine;
@@ -88,7 +96,7 @@ __attribute__((always_inline)) inline void turn(Vector<V>& p, Vector<V>& q, Rota
 // Of columns of which the first belongs to the value far from the others and the second to the larger of those: all in
 // descending order. far_smallest: where the value of the first is the smallest.
 template <class V>
-inline Columns<V> in_order(Mask<V> far_smallest, const Columns<V>& a) {
+YASPS_FUNCTION inline Columns<V> in_order(Mask<V> far_smallest, const Columns<V>& a) {
     return {choose<V>(far_smallest, a.c[1], a.c[0]), choose<V>(far_smallest, a.c[2], a.c[1]),
             choose<V>(far_smallest, a.c[0], a.c[2])};
 }
@@ -99,7 +107,7 @@ struct Symmetric {
     V diagonal[3], opposite[3];  // opposite[k] stands at the two other indices
 };
 template <class V>
-inline Vector<V> times(const Symmetric<V>& m, const Vector<V>& a) {
+YASPS_FUNCTION inline Vector<V> times(const Symmetric<V>& m, const Vector<V>& a) {
     return {{m.diagonal[0] * a.at[0] + m.opposite[2] * a.at[1] + m.opposite[1] * a.at[2],
              m.opposite[2] * a.at[0] + m.diagonal[1] * a.at[1] + m.opposite[0] * a.at[2],
              m.opposite[1] * a.at[0] + m.opposite[0] * a.at[1] + m.diagonal[2] * a.at[2]}};
@@ -107,7 +115,7 @@ inline Vector<V> times(const Symmetric<V>& m, const Vector<V>& a) {
 
 // Of the three roots of 4 c^3 - 3 c = h, cos(acos(h) / 3), for h from 0 to 1: the one far from the others.
 template <class V>
-inline V far_root(V h) {
+YASPS_FUNCTION inline V far_root(V h) {
     // A polynomial through six of its values is right to 7e-7; a step of Halley's method leaves the third power of
     // that.
     V c = h * 0.0019473 + constant<V>(-0.00896645);
@@ -124,7 +132,7 @@ inline V far_root(V h) {
 // eigenvalue that is far from the others, from a column of the adjugate. far_smallest: where that eigenvalue is the
 // smallest, elsewhere it is the largest.
 template <class V>
-Columns<V> basis_for(const Symmetric<V>& m, Mask<V>* far_smallest) {
+YASPS_FUNCTION Columns<V> basis_for(const Symmetric<V>& m, Mask<V>* far_smallest) {
     const V one = constant<V>(1), mean = (m.diagonal[0] + m.diagonal[1] + m.diagonal[2]) * (1.0 / 3.0);
     const V a = m.diagonal[0] - mean, b = m.diagonal[1] - mean, c = m.diagonal[2] - mean;
     const V p = m.opposite[0], q = m.opposite[1], r = m.opposite[2];
@@ -157,10 +165,12 @@ Columns<V> basis_for(const Symmetric<V>& m, Mask<V>* far_smallest) {
 // Jacobi rotations of m and e, until nothing is left to rotate. Returns the bits of lanes that did not get there, which
 // with finite numbers are none.
 template <class V>
-__attribute__((noinline)) unsigned finish_diagonal(Symmetric<V>& m, Columns<V>& e, V negligible) {
+YASPS_SELDOM unsigned finish_diagonal(Symmetric<V>& m, Columns<V>& e, V negligible) {
     for (int sweep = 0;; ++sweep) {
         unsigned busy = 0;
+        YASPS_UNROLLED_FOR_A_THREAD
         for (int p = 0; p < 2; ++p) {
+            YASPS_UNROLLED_FOR_A_THREAD
             for (int q = p + 1; q < 3; ++q) {
                 const int k = 3 - p - q;
                 const V off = m.opposite[k];
@@ -186,7 +196,7 @@ __attribute__((noinline)) unsigned finish_diagonal(Symmetric<V>& m, Columns<V>& 
 // Turns m into its eigenvalues, the largest first; the columns of e become its eigenvectors. With two columns the third
 // row and column of m are zero and stay last. Returns the bits of lanes that failed.
 template <int cols, class V>
-unsigned diagonalise(Symmetric<V>& m, Columns<V>& e) {
+YASPS_FUNCTION unsigned diagonalise(Symmetric<V>& m, Columns<V>& e) {
     if (cols == 2) {
         e = unit_columns<V>();
         const V difference = m.diagonal[0] - m.diagonal[1], twice = m.opposite[2] * 2.0;
@@ -201,7 +211,7 @@ unsigned diagonalise(Symmetric<V>& m, Columns<V>& e) {
     e = basis_for(m, &far_smallest);
     const V size = magnitude(m.diagonal[0]) + magnitude(m.diagonal[1]) + magnitude(m.diagonal[2]) +
                    magnitude(m.opposite[0]) + magnitude(m.opposite[1]) + magnitude(m.opposite[2]);
-    const V negligible = size * (4 * DBL_EPSILON);
+    const V negligible = size * (4 * kEpsilon);
     // What m is in this basis; then with the second and third column turned.
     const Vector<V> image = times(m, e.c[1]), other = times(m, e.c[2]);
     const V p = dot(e.c[1], image), q = dot(e.c[2], other), twice = dot(e.c[1], other) * 2.0;
@@ -225,10 +235,12 @@ unsigned diagonalise(Symmetric<V>& m, Columns<V>& e) {
 // Turns the columns of `a` by rotations until they are orthogonal, and those of `v` along (one-sided Jacobi). Returns
 // the bits of lanes that did not get there, which with finite numbers are none.
 template <class V>
-__attribute__((noinline)) unsigned finish_orthogonal(Columns<V>& a, Columns<V>& v, V most) {
+YASPS_SELDOM unsigned finish_orthogonal(Columns<V>& a, Columns<V>& v, V most) {
     for (int sweep = 0;; ++sweep) {
         unsigned busy = 0;
+        YASPS_UNROLLED_FOR_A_THREAD
         for (int p = 0; p < 2; ++p) {
+            YASPS_UNROLLED_FOR_A_THREAD
             for (int q = p + 1; q < 3; ++q) {
                 const V pp = dot(a.c[p], a.c[p]), qq = dot(a.c[q], a.c[q]), pq = dot(a.c[p], a.c[q]);
                 const unsigned turned = bits_of(less(pp * most, pq * pq));
@@ -245,7 +257,7 @@ __attribute__((noinline)) unsigned finish_orthogonal(Columns<V>& a, Columns<V>& 
 
 // A unit vector orthogonal to the unit vector u.
 template <class V>
-inline Vector<V> any_orthogonal(const Vector<V>& u) {
+YASPS_FUNCTION inline Vector<V> any_orthogonal(const Vector<V>& u) {
     const V x = magnitude(u.at[0]), y = magnitude(u.at[1]), z = magnitude(u.at[2]);
     const Columns<V> axes = unit_columns<V>();
     const Vector<V> later = choose<V>(less(z, y), axes.c[2], axes.c[1]);
@@ -256,7 +268,7 @@ inline Vector<V> any_orthogonal(const Vector<V>& u) {
 
 // Where a has a second column of next to no length, or no first one either: the first two columns of u.
 template <class V>
-__attribute__((noinline)) void replace_thin(const Columns<V>& a, Mask<V> thin, Columns<V>& u) {
+YASPS_SELDOM void replace_thin(const Columns<V>& a, Mask<V> thin, Columns<V>& u) {
     const V nothing = constant<V>(kNothing * kNothing), one = constant<V>(1);
     const V first = dot(a.c[0], a.c[0]);
     const auto zero = less(first, nothing);
@@ -274,7 +286,7 @@ __attribute__((noinline)) void replace_thin(const Columns<V>& a, Mask<V> thin, C
 // singular values takes the sign of det f. Without a third column, which is zero, v's third column is (0, 0, 1).
 // Returns the bits of lanes that have none.
 template <int cols, class V>
-unsigned singular_frames(const Columns<V>& f, Columns<V>& u, Columns<V>& v) {
+YASPS_FUNCTION unsigned singular_frames(const Columns<V>& f, Columns<V>& u, Columns<V>& v) {
     Columns<V> a;  // f v
     constexpr int kTurned = cols - 2;
     Mask<V> far_smallest;
@@ -283,7 +295,7 @@ unsigned singular_frames(const Columns<V>& f, Columns<V>& u, Columns<V>& v) {
         v = basis_for<V>({{dot(f.c[0], f.c[0]), dot(f.c[1], f.c[1]), dot(f.c[2], f.c[2])},
                           {dot(f.c[1], f.c[2]), dot(f.c[0], f.c[2]), dot(f.c[0], f.c[1])}},
                          &far_smallest);
-#pragma GCC unroll 3
+        YASPS_UNROLLED
         for (int k = 0; k < 3; ++k) a.c[k] = f.c[0] * v.c[k].at[0] + f.c[1] * v.c[k].at[1] + f.c[2] * v.c[k].at[2];
     } else {
         a.c[0] = f.c[0], a.c[1] = f.c[1];
@@ -307,7 +319,7 @@ unsigned singular_frames(const Columns<V>& f, Columns<V>& u, Columns<V>& v) {
     const V inverse_first = inverse_root(first), inverse_second = inverse_root(second);
     u.c[0] = a.c[0] * inverse_first;
     u.c[1] = a.c[1] * inverse_second - u.c[0] * (dot(a.c[0], a.c[1]) * inverse_first * inverse_second);
-    const auto thin = less(second, maximum(first * (kThin * kThin), constant<V>(DBL_MIN)));
+    const auto thin = less(second, maximum(first * (kThin * kThin), constant<V>(kSmallestNormal)));
     if (any(thin)) replace_thin(a, thin, u);
     u.c[2] = cross(u.c[0], u.c[1]);
     return failed;
