@@ -34,8 +34,9 @@ from yasps.dialects.rel import (
     YieldOp,
     name_of,
 )
+from yasps.runtime.core import sink
 
-PRELUDE = files("yasps.backend.cpp").joinpath("preludes", "kernel.h").read_text(encoding="utf-8")
+PRELUDE = sink.TEXT + files("yasps.backend.cpp").joinpath("preludes", "kernel.h").read_text(encoding="utf-8")
 
 
 class CppEmitter(ObjectEmitter):

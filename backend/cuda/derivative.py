@@ -12,6 +12,7 @@ from yasps.backend.cuda.expand import DENSE_PRELUDE, curve_behind, expand, expan
 from yasps.backend.cuda.object import BLOCKS_AT_ONCE, THIS_THREAD, ranges_of
 from yasps.dialects.mat import shape_of
 from yasps.dialects.rel import ApplyOp, DerivativeOp, ProjectOp, YieldDerivativeOp
+from yasps.runtime.core.sink import DEVICE_FIELDS
 
 if TYPE_CHECKING:
     from yasps.backend.codegen.scene_view import Slot
@@ -24,19 +25,8 @@ ALL_THREADS = "(long)gridDim.x * blockDim.x"
 LARGEST_SMALL_WIDTH = 6
 """Of a local Hessian whose kernel needs few registers."""
 
-_FIELDS = [
-    ("double*", "gradient"),
-    ("double*", "blocks"),
-    ("const int*", "kappa"),
-    ("const long*", "position"),
-    ("const long*", "gradient_at"),
-    ("const int*", "block_size_at"),
-    ("long", "mode"),
-    ("unsigned long long*", "outcome"),
-    ("double*", "workspace"),
-]
-PARAMETERS = ", ".join(f"{type_} {name}" for type_, name in _FIELDS)
-"""Of the entry `derive`, after the number of instances; yasps_sink in the prelude says what they are."""
+PARAMETERS = ", ".join(f"{type_} {name}" for type_, name in DEVICE_FIELDS)
+"""Of the entry `derive`, after the number of instances; sink.h says what they are."""
 
 
 def blocks_at_once(text: CudaObjectText, derivative: DerivativeOp) -> int:
@@ -69,7 +59,7 @@ def derivative_body(text: CudaObjectText, derivative: DerivativeOp) -> list[str]
     if len(outputs) > 2:
         finite.append(f"all_finite<{shape_of(derive.values[2])[0]}>(middle)")
     return [
-        f"const yasps_sink sink = {{{', '.join(name for _, name in _FIELDS)}}};",
+        f"const yasps_sink sink = {{{', '.join(name for _, name in DEVICE_FIELDS)}}};",
         f"const long thread = {THIS_THREAD};",
         f"for (long i = thread; i < count; i += {ALL_THREADS}) {{",
         *indented(text.gather_scalar("double")),

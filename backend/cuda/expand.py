@@ -47,7 +47,7 @@ def expand(
                 f"        for (long c = 0; c < {across}; ++c) {{",
                 f"            double b[{size}];",
                 f"            for (long e = 0; e < {size}; ++e)",
-                f"                b[e] = {triangle}[packed_at({n}, {one.entry} + s * {size} + e, "
+                f"                b[e] = {triangle}[packed_place({n}, {one.entry} + s * {size} + e, "
                 f"{other.entry} + t * {across} + c)];",
                 "            height = 0;",
                 *indented(indented(indented(text.pull_slot(one, "s", "b", "left[c]", "height")))),

@@ -25,10 +25,9 @@ from yasps.dialects.rel import (
     DerivativeOp,
     ObjectOp,
 )
+from yasps.runtime.core import sink
 
-PRELUDE = files("yasps.backend.cuda").joinpath("preludes", "kernel.cuh").read_text(encoding="utf-8")
-THREADS = 128
-"""Threads of a block of a generated kernel."""
+PRELUDE = sink.TEXT + files("yasps.backend.cuda").joinpath("preludes", "kernel.cuh").read_text(encoding="utf-8")
 BLOCKS_AT_ONCE = 4
 """Of a kernel on a multiprocessor, at least. The functions that kernels of other files call keep to the registers that
 this leaves (_FUNCTION_FLAGS of the toolchain)."""
@@ -96,7 +95,7 @@ class CudaObjectText(ObjectText):
     def kernel(self, name: str, parameters: str, body: Sequence[str], blocks: int = BLOCKS_AT_ONCE) -> None:
         """Adds an entry that the host launches. blocks: how many of them a multiprocessor has registers for."""
         signature = f"{SELF}_{name}(Arguments a, long count, {parameters})"
-        bounds = f"__launch_bounds__({THREADS}, {blocks})"
+        bounds = f"__launch_bounds__({sink.THREADS}, {blocks})"
         self.entry(name, signature, body, f'extern "C" __global__ void {bounds}')
 
     def attribute(self, attribute: AttributeOp) -> None:

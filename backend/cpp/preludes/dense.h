@@ -40,7 +40,7 @@ static inline long project_and_scatter(const yasps_sink* sink, const int* kappa,
             for (long r = 0; r < rows; ++r)
                 for (long c = 0; c < cols; ++c) block[r * cols + c] = small[(start[a] + r) * width + start[b] + c];
             const long p = leaf[a], q = leaf[b];
-            add_block(sink, position[p * capacity - p * (p - 1) / 2 + q - p], block, rows, cols);
+            add_block(sink, position[upper_place(capacity, p, q)], block, rows, cols);
         }
     return changed;
 }

@@ -21,8 +21,8 @@ static inline void copy_rows_of_triangle(const double* triangle, long n, long be
                                          long stride) {
     for (long r = begin; r < begin + height; ++r, to += stride) {
         *(V*)(to + stride - 8) = splat(0.0);
-        for (long c = begin; c < r; ++c) to[c - begin] = triangle[packed(n, c, r)];
-        for (long c = r; c < n; ++c) to[c - begin] = triangle[packed(n, r, c)];
+        for (long c = begin; c < r; ++c) to[c - begin] = triangle[upper_place(n, c, r)];
+        for (long c = r; c < n; ++c) to[c - begin] = triangle[upper_place(n, r, c)];
     }
 }
 
@@ -44,12 +44,12 @@ static void add_expanded(const yasps_sink* sink, const int* kappa, const long* p
             if (!kappa[q]) continue;
             const long cols = sink->block_size_at[kappa[q] - 1];
             if (q >= p) {
-                const long where = position[p * capacity - p * (p - 1) / 2 + q - p];
-                double* const to = block_at(sink, where >> 2);
-                if (where & 2) {  // two leaves are the same unknowns
+                const long where = position[upper_place(capacity, p, q)];
+                double* const to = block_at(sink, where >> kYaspsFlagBits);
+                if (where & kYaspsTwice) {  // two leaves are the same unknowns
                     for (long r = 0; r < rows; ++r)
                         for (long c = 0; c < cols; ++c) to[r * cols + c] += b[c * across + r] + b[r * across + c];
-                } else if (where & 1) {
+                } else if (where & kYaspsTurned) {
                     for (long c = 0; c < cols; ++c)
                         for (long r = 0; r < rows; ++r) to[c * rows + r] += b[c * across + r];
                 } else {

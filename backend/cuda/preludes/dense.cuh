@@ -27,7 +27,7 @@ static __device__ inline long merge_leaves(const yasps_sink& sink, const int* ka
 // r is not c, entry (c, r), merged.
 static __device__ inline void add_merged(double* packed, long step, long width, const int* to, long r, long c,
                                          double value) {
-    packed[step * packed_at(width, to[r], to[c])] += r != c && to[r] == to[c] ? 2.0 * value : value;
+    packed[step * packed_place(width, to[r], to[c])] += r != c && to[r] == to[c] ? 2.0 * value : value;
 }
 
 // Adds row r of the block between two slots whose rows begin at p and q; of one slot's own block its upper triangle.
@@ -42,11 +42,11 @@ static __device__ inline void scatter_merged(const yasps_sink& sink, const long*
     for (long a = 0; a < leaves; ++a)
         for (long b = a; b < leaves; ++b) {
             const long p = leaf[a], q = leaf[b], rows = start[a + 1] - start[a], cols = start[b + 1] - start[b];
-            const long where = position[p * capacity - p * (p - 1) / 2 + q - p];
-            double* const to = sink.blocks + (where >> 2);
+            const long where = position[upper_place(capacity, p, q)];
+            double* const to = sink.blocks + (where >> kYaspsFlagBits);
             for (long r = 0; r < rows; ++r)
                 for (long c = 0; c < cols; ++c)
-                    atomicAdd(to + (where & 1 ? c * rows + r : r * cols + c),
-                              packed[step * packed_at(width, start[a] + r, start[b] + c)]);
+                    atomicAdd(to + (where & kYaspsTurned ? c * rows + r : r * cols + c),
+                              packed[step * packed_place(width, start[a] + r, start[b] + c)]);
         }
 }

@@ -1,29 +1,12 @@
-// The first lines of every generated file of device code. No headers: there are none where NVRTC compiles it.
+// What every generated file of device code begins with, after sink.h. No headers: there are none where NVRTC compiles
+// it.
 typedef const void* const* Arguments;
-
-// Where a kernel's results go; the fields are the kernel's parameters.
-struct yasps_sink {
-    double* gradient;             // what gradients are added to
-    double* blocks;               // HessianBlocks, or null: gradient only
-    const int* kappa;             // [n, capacity], 1-based, 0 = no contribution
-    const long* position;         // [n, capacity (capacity + 1) / 2], see PositionInData in the runtime
-    const long* gradient_at;      // [n, capacity]: places in `gradient`, or null: those of kappa
-    const int* block_size_at;     // [scalars]: size of the dof block that starts here
-    long mode;                    // of projection: 0 = clamp, 1 = abs, 2 = leave
-    unsigned long long* outcome;  // [2]: the first instance that is not finite; how many Hessians were projected
-    double* workspace;            // of all threads: number k of thread t at k * (number of threads) + t
-};
 
 // Of the runtime: projection.cu, isotropic.cu.
 extern "C" __device__ int yasps_project(double* packed, int n, int mode, double* work);
 extern "C" __device__ int yasps_project_apart(double* packed, long packed_step, int n, int mode, double* work,
                                               long work_step);
 extern "C" __device__ int yasps_project_isotropic(double* packed, const double* deformation, int n, int mode);
-
-// Where entry (r, c) of a symmetric n x n matrix stands in its packed upper triangle.
-static __device__ inline long packed_at(long n, long r, long c) {
-    return r <= c ? r * n - r * (r - 1) / 2 + c - r : c * n - c * (c - 1) / 2 + r - c;
-}
 
 template <int N>
 static __device__ inline bool all_finite(const double* x) {
@@ -72,8 +55,9 @@ static __device__ inline void add_gradient_rows(const yasps_sink& sink, const in
 template <int R, int C>
 static __device__ inline void add_block(double* blocks, long where, const double* b) {
     if (where < 0) return;
-    double* const to = blocks + (where >> 2);
-    const bool turn = where & 1, both = where & 2;  // both: two slots of one instance are the same unknowns
+    double* const to = blocks + (where >> kYaspsFlagBits);
+    const bool turn = where & kYaspsTurned,
+               both = where & kYaspsTwice;  // both: two slots of one instance are the same unknowns
 #pragma unroll
     for (int r = 0; r < R; ++r)
 #pragma unroll
@@ -96,11 +80,11 @@ static __device__ inline void add_row(const yasps_sink& sink, const int* kappa, 
         if (!kappa[q]) continue;
         const long cols = sink.block_size_at[kappa[q] - 1];
         if (q >= p) {
-            const long where = position[p * capacity - p * (p - 1) / 2 + q - p];
-            double* const to = sink.blocks + (where >> 2);
+            const long where = position[upper_place(capacity, p, q)];
+            double* const to = sink.blocks + (where >> kYaspsFlagBits);
             for (long c = 0; c < cols; ++c) {
-                if (where & 3) atomicAdd(to + c * rows + r, row[c]);
-                if (!(where & 1)) atomicAdd(to + r * cols + c, row[c]);
+                if (where & (kYaspsTurned | kYaspsTwice)) atomicAdd(to + c * rows + r, row[c]);
+                if (!(where & kYaspsTurned)) atomicAdd(to + r * cols + c, row[c]);
             }
         }
         row += cols;

@@ -5,9 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from yasps.runtime.core.sink import THREADS
 from yasps.runtime.device.protocol import Device, DeviceArray, LoadedProgram, blocks_for_sum
-
-_THREADS = 128  # as kThreads in solver.cuh
 
 
 class DeviceSum:
@@ -34,8 +33,8 @@ class DeviceSum:
             return
         partial = self._partial.resize(blocks).address
         parts, finish = self._program.kernel("yasps_sum_parts"), self._program.kernel("yasps_sum_finish")
-        self._device.launch(parts, blocks * _THREADS, [values.address, values.size, partial], block=_THREADS)
-        self._device.launch(finish, _THREADS, [partial, blocks, result], block=_THREADS)
+        self._device.launch(parts, blocks * THREADS, [values.address, values.size, partial], block=THREADS)
+        self._device.launch(finish, THREADS, [partial, blocks, result], block=THREADS)
 
     def results(self) -> NDArray[np.float64]:
         """The sums since `begin`, in order; waits."""

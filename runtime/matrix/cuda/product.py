@@ -13,12 +13,10 @@ from typing import Protocol
 
 import numpy as np
 
+from yasps.runtime.core.sink import THREADS
 from yasps.runtime.device.protocol import Device, DeviceArray, LoadedProgram
 from yasps.runtime.matrix.cuda.block_matrix import CudaBlockGroup, CudaBlockMatrix
 from yasps.runtime.matrix.cuda.build import MOST_SOURCES, BuildScratch
-
-THREADS = 128
-"""Threads of a block in all kernels of the solver (`kThreads` in solver.cuh)."""
 
 # What a warp takes at once: 32 small blocks, or one after another in each of some teams of lanes.
 _SMALL_SHAPES = {(1, 1), (1, 3), (3, 1), (2, 2), (3, 3)}

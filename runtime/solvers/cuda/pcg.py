@@ -7,10 +7,11 @@ from collections.abc import Sequence
 import numpy as np
 
 from yasps.runtime.core.library import IntArray, LongArray
+from yasps.runtime.core.sink import THREADS
 from yasps.runtime.device.protocol import Device, DeviceArray, Graph, LoadedProgram, blocks_for_sum
 from yasps.runtime.matrix.cuda.block_matrix import CudaBlockMatrix
 from yasps.runtime.matrix.cuda.build import BuildScratch
-from yasps.runtime.matrix.cuda.product import THREADS, GatheredProduct, Launch, Product, ScatteredProduct
+from yasps.runtime.matrix.cuda.product import GatheredProduct, Launch, Product, ScatteredProduct
 from yasps.runtime.solvers.pcg import SolveReport, StopReason
 
 # As in solver.cuh.

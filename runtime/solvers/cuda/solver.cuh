@@ -5,7 +5,9 @@
 #ifndef YASPS_SOLVER_CUH
 #define YASPS_SOLVER_CUH
 
-constexpr int kThreads = 128;  // of every block of these kernels
+#include "core/sink.h"
+
+constexpr int kThreads = kYaspsThreads;  // of every block of these kernels
 constexpr int kWarps = kThreads / 32;
 
 // Blocks of one shape of one matrix, sorted by (row, col); rows and cols are scalar offsets.

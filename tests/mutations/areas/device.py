@@ -60,8 +60,8 @@ MUTATIONS = (
     Mutation(
         "structure: transposed blocks are flagged the wrong way round",
         STRUCTURE,
-        "(i > j ? 1u : 0u) | (i == j",
-        "(i < j ? 1u : 0u) | (i == j",
+        "(i > j ? kYaspsTurned : 0u) | (i == j",
+        "(i < j ? kYaspsTurned : 0u) | (i == j",
         POSITIONS,
     ),
     Mutation(
@@ -333,8 +333,8 @@ MUTATIONS = (
     Mutation(
         "kernels: an expanded block that is both goes one way only",
         "backend/cuda/preludes/kernel.cuh",
-        "if (where & 3) atomicAdd(to + c * rows + r, row[c]);",
-        "if (where & 1) atomicAdd(to + c * rows + r, row[c]);",
+        "if (where & (kYaspsTurned | kYaspsTwice)) atomicAdd(to + c * rows + r, row[c]);",
+        "if (where & kYaspsTurned) atomicAdd(to + c * rows + r, row[c]);",
         DEVICES,
     ),
     Mutation(

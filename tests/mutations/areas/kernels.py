@@ -26,7 +26,7 @@ MUTATIONS = (
     Mutation(
         "kernels: transpose flag ignored in add_block",
         "backend/cpp/preludes/kernel.h",
-        "} else if (position & 1) {",
+        "} else if (position & kYaspsTurned) {",
         "} else if (position & 0) {",
         SCENES,
     ),
@@ -82,7 +82,7 @@ MUTATIONS = (
     Mutation(
         "3x3 blocks: transpose flag ignored",
         "backend/cpp/preludes/scatter.h",
-        "V sum = turned_if(where & 1, same);",
+        "V sum = turned_if(where & kYaspsTurned, same);",
         "V sum = same;",
         ("tests/backend/cpp/test_batches.py::test_counts_around_batches",),
     ),
@@ -110,14 +110,14 @@ MUTATIONS = (
     Mutation(
         "expansion: the part of a row left of the diagonal comes from another row",
         "backend/cpp/preludes/expand.h",
-        "to[c - begin] = triangle[packed(n, c, r)];",
-        "to[c - begin] = triangle[packed(n, begin, r)];",
+        "to[c - begin] = triangle[upper_place(n, c, r)];",
+        "to[c - begin] = triangle[upper_place(n, begin, r)];",
         KERNELS,
     ),
     Mutation(
         "expansion: transpose flag ignored",
         "backend/cpp/preludes/expand.h",
-        "} else if (where & 1) {",
+        "} else if (where & kYaspsTurned) {",
         "} else if (where & 0) {",
         SCENES,
     ),
