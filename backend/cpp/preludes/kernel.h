@@ -4,13 +4,24 @@ typedef double V_unaligned __attribute__((vector_size(64), aligned(8), may_alias
 
 // The block at this offset of HessianBlocks. Who first asks for one of its tile empties the whole tile: memory is then
 // written as it comes, and additions find it in the cache.
-static inline double* block_at(const yasps_sink* sink, long offset) {
-    double* tile = sink->tiles[offset >> kYaspsTileBits];
-    if (__builtin_expect(!tile, 0)) tile = sink->open_tile(sink, offset >> kYaspsTileBits);
+static inline double* block_at(const yasps_sink& sink, long offset) {
+    double* tile = sink.tiles[offset >> kYaspsTileBits];
+    if (__builtin_expect(!tile, 0)) tile = sink.open_tile(&sink, offset >> kYaspsTileBits);
     return tile + (offset & ((1L << kYaspsTileBits) - 1));
 }
 
 typedef const void* const* Arguments;
+typedef V Columns;  // what `pull` has of each row: 8 columns
+
+static inline double first_of(V x) { return x[0]; }
+static inline void add_to(double* to, double x) { *to += x; }
+static inline long gradient_place(const yasps_sink&, const int* kappa, long, long, long p) { return kappa[p] - 1; }
+
+// Rows of J^T b for what is a target itself, in n packs of columns.
+static inline long copy_rows(long rows, const V* b, long n, V* out) {
+    for (long k = 0; k < rows * n; ++k) out[k] = b[k];
+    return rows;
+}
 
 static inline V splat(double x) { return V{x, x, x, x, x, x, x, x}; }
 
@@ -132,7 +143,7 @@ static inline void add_gradient(double* to, const V* from, long l, long n) {
 }
 
 // Adds a rows x cols block to its place in HessianBlocks; at a PositionInData.
-static inline void add_block(const yasps_sink* sink, long position, const double* b, long rows, long cols) {
+static inline void add_block(const yasps_sink& sink, long position, const double* b, long rows, long cols) {
     if (position < 0) return;
     double* const to = block_at(sink, position >> kYaspsFlagBits);
     if (position & kYaspsTwice) {  // two slots of one instance are the same unknowns

@@ -19,8 +19,8 @@ MUTATIONS = (
     Mutation(
         "kernels: a union's branches all start at 0 in the pull-back",
         "backend/codegen/object_text.py",
-        "const long j = i - {offsets}[{k}]; (void)j; {statement(member)}",
-        "const long j = i - {offsets}[0]; (void)j; {statement(member)}",
+        "const long j = i - {offsets}[{k}]; ",
+        "const long j = i - {offsets}[0]; ",
         SCENES,
     ),
     Mutation(
@@ -32,9 +32,9 @@ MUTATIONS = (
     ),
     Mutation(
         "curvature: what lies behind a nonlinear layer is dropped",
-        "backend/cpp/curvature.py",
-        "if any(text.scene.is_curved(slot.source) for slot in slots):\n        lines += transposed",
-        "if False:\n        lines += transposed",
+        "backend/codegen/expanding_text.py",
+        'f"double w[{q}];", compute, *behind]',
+        'f"double w[{q}];", compute]',
         SCENES,
     ),
     Mutation(
@@ -54,22 +54,22 @@ MUTATIONS = (
     Mutation(
         "a Hessian that is not projected may be infinite",
         "backend/cpp/derivative.py",
-        "if entries and not is_projected:",
+        'if "middle" in local.outputs and not is_projected:',
         "if False:",
         (f"{NOT_FINITE}::test_every_entry_of_a_hessian_that_is_not_projected_is_looked_at",),
     ),
     Mutation(
         "the last instance of a pack is not scattered",
-        "backend/cpp/scatter.py",
-        '"for (long l = 0; l < lanes; ++l) {",',
-        '"for (long l = 0; l + 1 < lanes; ++l) {",',
+        "backend/cpp/expand.py",
+        'block("for (long l = 0; l < lanes; ++l)"',
+        'block("for (long l = 0; l + 1 < lanes; ++l)"',
         ("tests/backend/cpp/test_batches.py::test_counts_around_batches",),
     ),
     Mutation(
         "the last partial pack of values is left out",
         "backend/cpp/object.py",
-        '"for (long first = begin; first < end; first += 8) {"]',
-        '"for (long first = begin; first + 8 <= end; first += 8) {"]',
+        'block("for (long first = begin; first < end; first += 8)"',
+        'block("for (long first = begin; first + 8 <= end; first += 8)"',
         ("tests/backend/cpp/test_batches.py::test_numbers_of_every_count_are_gathered",),
     ),
     Mutation(
@@ -130,9 +130,9 @@ MUTATIONS = (
     ),
     Mutation(
         "a mean is a sum in the pull-back",
-        "backend/cpp/object.py",
-        'into[e] /= (double)count;" if slot.reduction == "mean"',
-        'into[e] /= (double)count;" if slot.reduction == "none"',
+        "backend/codegen/expanding_text.py",
+        'if slot.reduction == "mean":\n            lines.append(',
+        'if slot.reduction == "sum":\n            lines.append(',
         SCENES,
     ),
     Mutation(
@@ -151,16 +151,16 @@ MUTATIONS = (
     ),
     Mutation(
         "nonlinear layers: leaves with one place are not merged before they are projected",
-        "backend/cpp/preludes/dense.h",
+        "backend/codegen/preludes/merge.h",
         "while (k < leaves && kappa[leaf[k]] != kappa[p]) ++k;",
         "k = leaves;",
         SCENES,
     ),
     Mutation(
-        "nonlinear layers: of the projected matrix only the upper triangle is kept",
-        "backend/cpp/preludes/dense.h",
-        "small[r * width + c] = small[c * width + r] = upper[k * 8];",
-        "small[r * width + c] = upper[k * 8];",
+        "nonlinear layers: transpose flag ignored",
+        "backend/codegen/preludes/merge.h",
+        "where & kYaspsTurned ? c * rows + r : r * cols + c",
+        "r * cols + c",
         SCENES,
     ),
     Mutation(
