@@ -11,9 +11,9 @@ import numpy as np
 
 from benchmarks.measure import Report, Row, Settings
 from yasps import Attribute, Mesh, Primitive, Scene, concat_rows
+from yasps.backend.codegen.preludes import without_preludes
 from yasps.backend.codegen.scene_view import SceneView
-from yasps.backend.cpp.curvature import DENSE_PRELUDE
-from yasps.backend.cpp.object import PRELUDE, CppEmitter
+from yasps.backend.cpp.object import CppEmitter
 from yasps.contact import barrier, squared_point_plane
 from yasps.frontend.execution.emit import SceneEmitter
 from yasps.passes.pipeline import run_pipeline
@@ -126,7 +126,7 @@ def growth(parameterisations: tuple[Parameterisation, ...]) -> Growth:
 
 
 def _without_prelude(text: str) -> str:
-    return text.replace(PRELUDE, "").replace(DENSE_PRELUDE, "")
+    return without_preludes(text)
 
 
 BYTES = {"V": 64, "double": 8, "long": 8, "int": 4}

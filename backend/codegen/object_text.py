@@ -8,6 +8,7 @@ scenes, are one object file, and a cached object is found again under any name.
 from __future__ import annotations
 
 import hashlib
+import re
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -19,6 +20,7 @@ from xdsl.ir import SSAValue
 
 from yasps.backend.codegen.scalar_function import function_text
 from yasps.backend.codegen.scene_view import SceneView, Slot
+from yasps.backend.codegen.slots import block, indented, place
 from yasps.dialects.mat import Matrix, shape_of
 from yasps.dialects.rel import (
     ApplyOp,
@@ -33,8 +35,6 @@ from yasps.dialects.rel import (
     RefOp,
     TargetIndexOp,
     UnionOp,
-    YieldCurvatureOp,
-    YieldJacobianOp,
     YieldOp,
     name_of,
 )
@@ -105,17 +105,6 @@ def size_of(value: SSAValue) -> int:
     return rows * cols
 
 
-def packed_place(n: int, row: int, col: int) -> int:
-    """Where an entry stands in the packed upper triangle of a symmetric n x n matrix."""
-    row, col = min(row, col), max(row, col)
-    return row * n - row * (row - 1) // 2 + col - row
-
-
-def indented(lines: Sequence[str]) -> list[str]:
-    """The lines, one level deeper."""
-    return [f"    {line}" for line in lines]
-
-
 class ObjectText(ABC):
     """The text of one object while it is written."""
 
@@ -126,7 +115,7 @@ class ObjectText(ABC):
     math_prefix: ClassVar[str]
     """What stands before the names of mathematical functions of one number."""
     signatures: ClassVar[dict[str, tuple[str, str]]]
-    """Of each kind of entry that other objects call, the result's type and the parameters after `Arguments, long`."""
+    """Of each kind of entry that other objects call, the result's type and the parameters after `a` and `i`."""
 
     def __init__(self, emitter: ObjectEmitter, name: str, container: ObjectOp) -> None:
         self.emitter = emitter
@@ -173,8 +162,7 @@ class ObjectText(ABC):
         code = self.emitter.code_of(definition)
         function = f"{code.symbol}_{entry}"
         scalar = c_type(self.scene.type_of(definition)) if entry == "value" else ""
-        result, parameters = self.signatures[entry]
-        self.externs[f"{self.linkage} {result} {function}(Arguments, long, {parameters.format(scalar)});"] = None
+        self.externs[f"{self.linkage} {self.signature(function, entry, scalar)};"] = None
         return function, self.bind("arguments", definition)
 
     def copy_source(self, source: str, index: str, out: str, scalar: str) -> str:
@@ -199,12 +187,7 @@ class ObjectText(ABC):
             if connectivity.variable is not None:
                 return self.read_variable(op, out, scalar, indices=indices, arity=arity)
             copy = self.copy_source(source, "j", f"({out} + s * {size})", scalar)
-            return [
-                f"for (long s = 0; s < {arity}; ++s) {{",
-                f"    const long j = {indices}[i * {arity} + s];",
-                f"    {copy}",
-                "}",
-            ]
+            return block(f"for (long s = 0; s < {arity}; ++s)", [f"const long j = {indices}[i * {arity} + s];", copy])
         if isinstance(op, RefOp):
             return [self.copy_source(name_of(op.attribute), "i", out, scalar)]
         if isinstance(op, TargetIndexOp):
@@ -301,10 +284,19 @@ class ObjectText(ABC):
 
     # -- entry points --------------------------------------------------------------------------------------
 
+    def signature(self, symbol: str, entry: str, scalar: str) -> str:
+        """The head of a function that other objects call."""
+        result, parameters = self.signatures[entry]
+        return f"{result} {symbol}(Arguments a, long i, {parameters.format(scalar)})"
+
+    def function(self, entry: str, body: Sequence[str], scalar: str = "") -> None:
+        """Adds an entry that other objects call."""
+        self.entry(entry, self.signature(f"{SELF}_{entry}", entry, scalar), body)
+
     def entry(self, name: str, signature: str, body: Sequence[str], linkage: str | None = None) -> None:
         """Adds a function; `signature` without what stands before."""
         self.entries.append(name)
-        text = "\n".join(f"    {line}" for line in body)
+        text = "\n".join(indented(body))
         self.parts.append(f"{linkage or self.linkage} {signature} {{\n{self.pointers()}{text}\n}}\n")
 
     def finish(self) -> ObjectCode:
@@ -336,45 +328,13 @@ class ObjectText(ABC):
     def attribute(self, attribute: AttributeOp) -> None:
         """Entries of a computed attribute."""
 
+    @abstractmethod
     def jacobian(self, jacobian: JacobianOp) -> None:
         """Entries of an attribute's Jacobian."""
-        block = jacobian.body.block
-        terminator = block.last_op
-        assert isinstance(terminator, YieldJacobianOp)
-        call = terminator.jacobian.owner
-        assert isinstance(call, ApplyOp)
-        cotangent = block.args[0]
-        slots = [slot for read in self.scene.wrt(jacobian) for slot in self.scene.slots(read)]
-        self.pull(call, cotangent, slots)
-        name = name_of(jacobian.attribute)
-        if not self.scene.is_curved(name):
-            return
-        second = None
-        if name in self.scene.curvatures:
-            function, arguments = self.callee(self.scene.curvatures[name].symbol, "second")
-            second = f"{function}({arguments}, i, v, second);"
-        names = {**self.names(), cotangent: "v"}
-        transposed = [f"double w[{size_of(terminator.jacobian)}];", self.call(call, names, ["w"], "double")]
-        self.curve(slots, second, [*self.gather_scalar("double"), *transposed])
 
     @abstractmethod
-    def pull(self, call: ApplyOp, cotangent: SSAValue, slots: Sequence[Slot]) -> None:
-        """The entry `pull` of an attribute whose J^T v is computed by `call` for the vector v = `cotangent`."""
-
-    @abstractmethod
-    def curve(self, slots: Sequence[Slot], second: str | None, transposed: Sequence[str]) -> None:
-        """The entry `curve`; see curve_body."""
-
     def curvature(self, curvature: CurvatureOp) -> None:
         """Entries of a nonlinear attribute's second derivatives."""
-        block = curvature.body.block
-        terminator = block.last_op
-        assert isinstance(terminator, YieldCurvatureOp)
-        call = terminator.hessian.owner
-        assert isinstance(call, ApplyOp)
-        names = {**self.names(), block.args[0]: "v"}
-        lines = [*self.gather_scalar("double"), self.call(call, names, ["out"], "double")]
-        self.entry("second", f"void {SELF}_second(Arguments a, long i, const double* v, double* out)", lines)
 
     @abstractmethod
     def derivative(self, derivative: DerivativeOp) -> None:
@@ -392,32 +352,28 @@ class ObjectText(ABC):
         assert isinstance(producer, ApplyOp)
         return [*self.gather_scalar(scalar), self.call(producer, self.names(), ["out"], scalar)]
 
-    def branches(self, attribute: AttributeOp) -> tuple[str, list[str]]:
-        """Pointer to the union's prefix sums, and the members in order."""
-        members = self.scene.union_members(attribute.symbol)
-        return self.bind("offsets", name_of(attribute.owner)), members
-
     def in_member(self, attribute: AttributeOp, statement: Callable[[str], str]) -> list[str]:
         """Runs what `statement` gives for the member of a UNION that instance i belongs to, as instance j."""
-        offsets, members = self.branches(attribute)
-        return [
-            f"if (i < {offsets}[{k + 1}]) {{ const long j = i - {offsets}[{k}]; (void)j; {statement(member)} }}"
-            for k, member in enumerate(members)
-        ]
-
-    def union_value(self, attribute: AttributeOp, scalar: str) -> list[str]:
-        offsets, members = self.branches(attribute)
-        size = self.scene.size(attribute.symbol)
+        offsets = self.bind("offsets", name_of(attribute.owner))
         lines = []
-        for k, member in enumerate(members):
-            copy = self.copy_source(member, "j", "out", scalar)
-            padding = "".join(f" out[{e}] = 0;" for e in range(self.scene.size(member), size))
-            lines.append(
-                f"if (i < {offsets}[{k + 1}]) {{ const long j = i - {offsets}[{k}]; {copy}{padding} return; }}"
-            )
+        for k, member in enumerate(self.scene.union_members(attribute.symbol)):
+            text = statement(member)
+            index = f"const long j = i - {offsets}[{k}]; " if re.search(r"\bj\b", text) else ""
+            lines.append(f"if (i < {offsets}[{k + 1}]) {{ {index}{text} }}")
         return lines
 
-    def slot_index(self, slot: Slot) -> str:
+    def union_value(self, attribute: AttributeOp, scalar: str) -> list[str]:
+        """Statements that write the value of the member that instance i belongs to, filled up with zeros."""
+        size = self.scene.size(attribute.symbol)
+
+        def of(member: str) -> str:
+            padding = "".join(f" out[{e}] = 0;" for e in range(self.scene.size(member), size))
+            return f"{self.copy_source(member, 'j', 'out', scalar)}{padding} return;"
+
+        return self.in_member(attribute, of)
+
+    def slot_index(self, slot: Slot, k: str = "") -> str:
+        """Which instance the slot, or slot k of those that begin with it, reads."""
         if slot.connectivity is None:
             own = (
                 slot.source not in self.scene.storages
@@ -425,4 +381,4 @@ class ObjectText(ABC):
             )
             return "i" if own else "0L"
         indices = self.bind("indices", slot.connectivity)
-        return f"(long){indices}[i * {slot.arity} + {slot.position}]"
+        return f"(long){indices}[i * {slot.arity} + {place(slot.position, k)}]"

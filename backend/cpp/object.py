@@ -6,23 +6,25 @@ Entry points of an object X:
 - `X_pull(a, i, b, n, out)`: rows of J^T b for an attribute with Jacobian J on instance i and a matrix b of p rows and n
   packs of 8 columns, expanded down to the targets; returns how many rows there are;
 - `X_second(a, i, v, out)`: packed Hessian of <v, h> of a nonlinear attribute h with respect to its boundary inputs;
-- `X_curve(a, i, v, out, n)`: the same expanded down to the targets, with the curvature of all that is behind, added to
-  the n x n matrix `out`;
+- `X_curve(a, i, v, packed, step, width, to)`: the same expanded down to the targets, with the curvature of all that is
+  behind, added to a packed triangle as expanding_text says;
 - `X_derive(a, begin, end, sink)`: an energy's derivatives, added to the global gradient and Hessian.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from importlib.resources import files
 from typing import ClassVar
 
 from xdsl.ir import SSAValue
 
-from yasps.backend.codegen.object_text import SELF, ObjectEmitter, ObjectText, c_type, size_of
+from yasps.backend.codegen.expanding_text import SIGNATURES, ExpandingText, LocalDerivative
+from yasps.backend.codegen.object_text import SELF, ObjectEmitter, c_type, size_of
+from yasps.backend.codegen.preludes import PRELUDES
 from yasps.backend.codegen.scalar_function import vector_function, words_used
 from yasps.backend.codegen.scene_view import SceneView, Slot
-from yasps.backend.cpp.curvature import curve_body
+from yasps.backend.codegen.slots import block
+from yasps.backend.cpp.expand import expand
 from yasps.dialects.rel import (
     ApplyOp,
     AttributeOp,
@@ -34,8 +36,7 @@ from yasps.dialects.rel import (
     YieldOp,
     name_of,
 )
-
-PRELUDE = files("yasps.backend.cpp").joinpath("preludes", "kernel.h").read_text(encoding="utf-8")
+from yasps.runtime.core.sink import LANES
 
 
 class CppEmitter(ObjectEmitter):
@@ -50,23 +51,21 @@ class CppEmitter(ObjectEmitter):
         return CppObjectText(self, name, container, self.has_vector_math)
 
 
-class CppObjectText(ObjectText):
+class CppObjectText(ExpandingText):
     """The text of one object, for packs of 8 instances."""
 
     linkage = 'extern "C"'
     local_linkage = "static inline"
     math_prefix = "__builtin_"
-    signatures: ClassVar[dict[str, tuple[str, str]]] = {
-        "value": ("void", "{}*"),
-        "pull": ("long", "const V*, long, V*"),
-        "second": ("void", "const double*, double*"),
-        "curve": ("long", "const double*, double*, long"),
-    }
+    column = "V"
+    signatures: ClassVar = {**SIGNATURES, "pull": ("long", "const V* b, long n, V* out")}
 
     def __init__(self, emitter: ObjectEmitter, name: str, container: ObjectOp, has_vector_math: bool) -> None:
         super().__init__(emitter, name, container)
         self.has_vector_math = has_vector_math
-        self.preludes[PRELUDE] = None
+        self.preludes |= dict.fromkeys(
+            PRELUDES[path] for path in ("runtime/core/sink.h", "backend/cpp/preludes/kernel.h")
+        )
 
     def splat_gathered(self) -> list[str]:
         """Packs of what `gather_scalar` gathered, the same in all lanes."""
@@ -98,165 +97,111 @@ class CppObjectText(ObjectText):
             if connectivity.variable is None:
                 arity, size = connectivity.arity.value.data, self.scene.size(source)
                 indices, pointer = self.bind("indices", connectivity.symbol), self.bind("storage", source)
-                return [
-                    f"for (long s = 0; s < {arity}; ++s) {{",
-                    f"    connected_offsets({indices} + first * {arity} + s, {arity}, lanes, {size}, at);",
-                    f"    gather({pointer}, at, {size}, {out} + s * {size});",
-                    "}",
-                ]
+                offsets = f"connected_offsets({indices} + first * {arity} + s, {arity}, lanes, {size}, at);"
+                gather = f"gather({pointer}, at, {size}, {out} + s * {size});"
+                return block(f"for (long s = 0; s < {arity}; ++s)", [offsets, gather])
         size = size_of(op.result)
-        return [
-            "for (long l = 0; l < 8; ++l) {",
-            "    const long i = first + (l < lanes ? l : lanes - 1);",
-            f"    double one[{size}];",
-            *(f"    {line}" for line in self.read(op, "one", "double")),
-            f"    for (long e = 0; e < {size}; ++e) {out}[e][l] = one[e];",
-            "    (void)i;",
-            "}",
-        ]
+        lines = ["const long i = first + (l < lanes ? l : lanes - 1);", f"double one[{size}];"]
+        lines += self.read(op, "one", "double")
+        lines += [f"for (long e = 0; e < {size}; ++e) {out}[e][l] = one[e];", "(void)i;"]
+        return block("for (long l = 0; l < 8; ++l)", lines)
 
     def helpers(self) -> list[str]:
         """Mathematical functions of packs."""
         words = words_used(list(self.functions.values())) if any("V*" in part for part in self.parts) else []
         return [vector_function(word, self.has_vector_math) for word in words]
 
-    def attribute(self, attribute: AttributeOp) -> None:
-        scalar = c_type(attribute.matrix_type)
-        terminator = attribute.body.block.last_op
-        assert isinstance(terminator, YieldOp)
-        producer = terminator.value.owner
-        size = size_of(terminator.value)
-        packs = isinstance(producer, ApplyOp) and scalar == "double"
-        if "call" in self.wanted or ("batch" in self.wanted and not packs):
-            body = self.value_body(attribute, scalar)
-            self.entry("value", f"void {SELF}_value(Arguments a, long i, {scalar}* out)", body)
-        if "batch" in self.wanted:
-            signature = f"void {SELF}_batch(Arguments a, long begin, long end, {scalar}* out)"
-            if packs:
-                assert isinstance(producer, ApplyOp)
-                body = [*self.compute_uniforms("V"), "for (long first = begin; first < end; first += 8) {"]
-                body += ["    const long lanes = end - first < 8 ? end - first : 8;"]
-                body += [f"    {line}" for line in [*self.declare("V"), *self.gather_pack()]]
-                body += [f"    V y[{size}];", f"    {self.call(producer, self.names(), ['y'], 'V')}"]
-                body += ["    for (long l = 0; l < lanes; ++l)"]
-                body += [f"        for (long e = 0; e < {size}; ++e) out[(first + l) * {size} + e] = y[e][l];", "}"]
-            else:
-                body = [f"for (long i = begin; i < end; ++i) {SELF}_value(a, i, out + i * {size});"]
-            self.entry("batch", signature, body)
-        if self.scene.is_union(attribute.symbol) and self.scene.reaches_target(attribute.symbol):
-            self.entry(
-                "pull",
-                f"long {SELF}_pull(Arguments a, long i, const V* b, long n, V* out)",
-                [
-                    *self.in_member(attribute, lambda name: f"return {self.pull_source(name, 'j', 'b', 'n', 'out')};"),
-                    "return 0;",
-                ],
-            )
+    # -- n packs of columns --------------------------------------------------------------------------------
 
-        if self.scene.is_union(attribute.symbol) and self.scene.is_curved(attribute.symbol):
-            signature = f"long {SELF}_curve(Arguments a, long i, const double* v, double* out, long n)"
-            body = self.in_member(attribute, lambda name: f"return {self.curve_source(name, 'j', 'v', 'out', 'n')};")
-            self.entry("curve", signature, [*body, "return 0;"])
+    def columns(self, b: str, n: str) -> str:
+        return f"{b}, {n}"
 
-    def curve_source(self, source: str, index: str, v: str, out: str, n: str) -> str:
-        """Expression that adds the curvature behind `source`, contracted with v, to `out`."""
-        if not self.scene.is_curved(source):
-            return "0"
-        definition = self.scene.jacobians[source].symbol if source in self.scene.jacobians else source
-        function, arguments = self.callee(definition, "curve")
-        return f"{function}({arguments}, {index}, {v}, {out}, {n})"
+    def times(self, rows: str, n: str) -> str:
+        if n == "1" or rows == "0":
+            return rows
+        return f"({rows}) * {n}" if " + " in rows else f"{rows} * {n}"
 
-    def over_connected(self, slot: Slot, body: str) -> str:
-        """Statement: runs `body` for every connected instance j of a slot of variable arity; `count` is how many."""
-        indices = self.bind("indices", slot.connectivity or "")
-        here = f"{indices}[i * {slot.arity} + count]"
-        return (
-            f"long count = 0; while (count < {slot.arity} && {here} >= 0) "
-            f"{{ const long j = {here}; (void)j; {body} ++count; }}"
-        )
+    def part_of_w(self, entry: str) -> str:
+        return f"w + {self.times(entry, 'n')}"
 
-    def pull_slot(self, slot: Slot, b: str, n: str, out: str) -> str:
-        """As pull_source for what a slot reads: of a sum every term gets b, of a mean its share."""
-        if slot.reduction is None:
-            return self.pull_source(slot.source, self.slot_index(slot), b, n, out)
-        given = f"const V* const from = {b}; V* const into = {out}; const long beside = {n}; long reached = 0;"
-        pull = self.pull_source(slot.source, "j", "from", "beside", "into + reached * beside")
-        share = (
-            "for (long e = 0; e < reached * beside; ++e) into[e] /= (double)count;" if slot.reduction == "mean" else ""
-        )
-        return f"({{ {given} {self.over_connected(slot, f'reached += {pull};')} {share} reached; }})"
-
-    def curve_slot(self, slot: Slot, v: str, out: str, n: str) -> str:
-        """As curve_source for what a slot reads."""
-        if slot.reduction is None:
-            return self.curve_source(slot.source, self.slot_index(slot), v, out, n)
-        given = f"const double* const whole = {v}; double* const into = {out}; const long across = {n};"
-        terms = f"double share[{slot.size}]; long reached = 0, terms = 1;"
-        if slot.reduction == "mean":
-            terms += f" {{ {self.over_connected(slot, '')} terms = count; }}"
-        terms += f" for (long e = 0; e < {slot.size}; ++e) share[e] = whole[e] / terms;"
-        rows = self.pull_source(slot.source, "j", "(const V*)0", "0", "(V*)0")
-        curve = self.curve_source(slot.source, "j", "share", "into + reached * (across + 1)", "across")
-        return f"({{ {given} {terms} {self.over_connected(slot, f'{curve}; reached += {rows};')} reached; }})"
-
-    def pull_source(self, source: str, index: str, b: str, n: str, out: str) -> str:
-        """Expression that writes the rows behind `source` and says how many they are."""
-        if source in self.scene.targets:
-            size = self.scene.size(source)
-            self.externs[COPY_ROWS] = None
-            return f"copy_rows({size}, {b}, {n}, {out})"
-        if not self.scene.reaches_target(source):
-            return "0"
-        definition = self.scene.jacobians[source].symbol if source in self.scene.jacobians else source
-        function, arguments = self.callee(definition, "pull")
-        return f"{function}({arguments}, {index}, {b}, {n}, {out})"
-
-    def pull(self, call: ApplyOp, cotangent: SSAValue, slots: Sequence[Slot]) -> None:
-        p, q = size_of(cotangent), sum(slot.size for slot in slots)
-        direct = all(slot.is_target for slot in slots)
-        lines = self.gather_scalar("double")
-        to = "out"
-        if not direct:
-            lines.append(f"V* const w = (V*)__builtin_alloca_with_align(sizeof(V) * {q} * n, 512);")
-            to = "w"
-        lines += self.splat_gathered()
+    def transposed(self, call: ApplyOp, cotangent: SSAValue, q: int, *, is_direct: bool) -> list[str]:
+        p, to = size_of(cotangent), "out" if is_direct else "w"
         names = {value: f"{name}_pack" for value, name in self.names().items()} | {cotangent: "v"}
-        lines += [
-            f"V v[{p}], x[{q}];",
-            "for (long c = 0; c < n; ++c) {",
-            f"    for (long k = 0; k < {p}; ++k) v[k] = b[k * n + c];",
-            f"    {self.call(call, names, ['x'], 'V')}",
-            f"    for (long k = 0; k < {q}; ++k) {to}[k * n + c] = x[k];",
-            "}",
+        lines = self.gather_scalar("double")
+        if not is_direct:
+            lines.append(f"V* const w = (V*)__builtin_alloca_with_align(sizeof(V) * {q} * n, 512);")
+        columns = [
+            f"for (long k = 0; k < {p}; ++k) v[k] = b[k * n + c];",
+            self.call(call, names, ["x"], "V"),
+            f"for (long k = 0; k < {q}; ++k) {to}[k * n + c] = x[k];",
         ]
-        if direct:
-            lines.append(f"return {q};")
-        else:
-            lines.append("long rows = 0;")
-            start = 0
-            for slot in slots:
-                pull = self.pull_slot(slot, f"w + {start} * n", "n", "out + rows * n")
-                lines.append(f"rows += {pull};")
-                start += slot.size
-            lines.append("return rows;")
-        self.entry("pull", f"long {SELF}_pull(Arguments a, long i, const V* b, long n, V* out)", lines)
+        return [
+            *lines,
+            *self.splat_gathered(),
+            f"V v[{p}], x[{q}];",
+            *block("for (long c = 0; c < n; ++c)", columns),
+        ]
 
-    def curve(self, slots: Sequence[Slot], second: str | None, transposed: Sequence[str]) -> None:
-        signature = f"long {SELF}_curve(Arguments a, long i, const double* v, double* out, long n)"
-        self.entry("curve", signature, curve_body(self, slots, second, transposed))
+    def cotangent(self, entry: str, size: int) -> tuple[list[str], str]:
+        fill = f"for (long e = 0; e < {size}; ++e) b[e] = splat(gradient[{entry} + e][l]);"
+        return [f"V b[{size}];  // one column; the others are not looked at", fill], "b"
+
+    def add_to_target(self, local: LocalDerivative, leaf: int, entry: int, size: int) -> str:
+        return f"add_gradient(sink.gradient + kappa[{leaf}] - 1, gradient + {entry}, l, {size});"
+
+    # -- curvature, for one lane ---------------------------------------------------------------------------
+
+    def expand_merged(self, slots: Sequence[Slot], triangle: str) -> list[str]:
+        def add(s: int, t: int) -> str:
+            rows = f"to, at[{t}], r, at[{s}], height{s}, block + r * across"
+            return f"for (long r = 0; r < height; ++r) add_merged_row(packed, step, width, {rows});"
+
+        return expand(self, slots, triangle, add)
+
+    def declare_merged(self, rows: int) -> list[str]:
+        triangle = f"V triangle_of_lanes[{rows * (rows + 1) // 2}];"
+        return [triangle, "double* const packed = (double*)triangle_of_lanes;", f"const long step = {LANES};"]
+
+    def project_merged(self) -> str:
+        return "const long changed = sink.project(packed, (int)width, 1, sink.mode);"
+
+    def use_of_changed(self) -> list[str]:
+        return ["if (changed < 0) return i;", "*sink.projected += changed;"]
+
+    # -- entries -------------------------------------------------------------------------------------------
+
+    def batch_calls_value(self, attribute: AttributeOp) -> bool:
+        return _producer(attribute) is None
+
+    def batch(self, attribute: AttributeOp, scalar: str) -> None:
+        size, producer = self.scene.size(attribute.symbol), _producer(attribute)
+        if producer is None:
+            body = [f"for (long i = begin; i < end; ++i) {SELF}_value(a, i, out + i * {size});"]
+        else:
+            uniforms = self.compute_uniforms("V")
+            pack = [*self.declare("V"), *self.gather_pack(), f"V y[{size}];"]
+            pack += [self.call(producer, self.names(), ["y"], "V"), "for (long l = 0; l < lanes; ++l)"]
+            pack.append(f"    for (long e = 0; e < {size}; ++e) out[(first + l) * {size} + e] = y[e][l];")
+            body = [*uniforms, *over_packs(pack)]
+        self.entry("batch", f"void {SELF}_batch(Arguments a, long begin, long end, {scalar}* out)", body)
 
     def derivative(self, derivative: DerivativeOp) -> None:
         from yasps.backend.cpp.derivative import derivative_body
 
-        self.entry(
-            "derive",
-            f"long {SELF}_derive(Arguments a, long begin, long end, const yasps_sink* sink)",
-            derivative_body(self, derivative),
-        )
+        signature = f"long {SELF}_derive(Arguments a, long begin, long end, const yasps_sink* results)"
+        body = derivative_body(self, LocalDerivative.of(self.scene, derivative))
+        self.entry("derive", signature, ["const yasps_sink& sink = *results;", *body])
 
 
-COPY_ROWS = """static inline long copy_rows(long rows, const V* b, long n, V* out) {
-    for (long k = 0; k < rows * n; ++k) out[k] = b[k];
-    return rows;
-}
-"""
+def _producer(attribute: AttributeOp) -> ApplyOp | None:
+    """The call that computes an attribute 8 instances at a time; None where they are read one by one."""
+    terminator = attribute.body.block.last_op
+    assert isinstance(terminator, YieldOp)
+    producer = terminator.value.owner
+    return producer if isinstance(producer, ApplyOp) and c_type(attribute.matrix_type) == "double" else None
+
+
+def over_packs(lines: Sequence[str]) -> list[str]:
+    """Runs the lines for packs of the instances [begin, end); `first` is the first, `lanes` their number."""
+    lanes = "const long lanes = end - first < 8 ? end - first : 8;"
+    return block("for (long first = begin; first < end; first += 8)", [lanes, *lines])

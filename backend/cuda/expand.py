@@ -7,15 +7,12 @@ the result. So the stack of a thread does not grow with the number of slots, and
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from importlib.resources import files
 from typing import TYPE_CHECKING
 
-from yasps.backend.codegen.object_text import indented
+from yasps.backend.codegen.slots import SlotRange, block
 
 if TYPE_CHECKING:
-    from yasps.backend.cuda.object import CudaObjectText, SlotRange
-
-DENSE_PRELUDE = files("yasps.backend.cuda").joinpath("preludes", "dense.cuh").read_text(encoding="utf-8")
+    from yasps.backend.cuda.object import CudaObjectText
 
 
 def expand(
@@ -39,78 +36,24 @@ def expand(
                 continue
             size, across = one.slot.size, other.slot.size
             begin = "s" if other is one else "0"
-            lines += [
-                f"for (long s = 0; s < {one.count}; ++s)",
-                f"    for (long t = {begin}; t < {other.count}; ++t) {{",
-                f"        double left[{across}][{one.slot.rows}];",
-                "        long height = 0;",
-                f"        for (long c = 0; c < {across}; ++c) {{",
-                f"            double b[{size}];",
-                f"            for (long e = 0; e < {size}; ++e)",
-                f"                b[e] = {triangle}[packed_at({n}, {one.entry} + s * {size} + e, "
-                f"{other.entry} + t * {across} + c)];",
-                "            height = 0;",
-                *indented(indented(indented(text.pull_slot(one, "s", "b", "left[c]", "height")))),
-                "        }",
-                "        for (long r = 0; r < height; ++r) {",
-                f"            double b[{across}], row[{other.slot.rows}];",
-                f"            for (long c = 0; c < {across}; ++c) b[c] = left[c][r];",
-                "            long breadth = 0;",
-                *indented(indented(indented(text.pull_slot(other, "t", "b", "row", "breadth")))),
-                f"            {use(one, other)}",
-                "        }",
-                "    }",
+            entry = f"{one.entry} + s * {size} + e, {other.entry} + t * {across} + c"
+            column = [
+                f"double b[{size}];",
+                f"for (long e = 0; e < {size}; ++e) b[e] = {triangle}[packed_place({n}, {entry})];",
+                *text.pull_slot(one.slot, "s", "b", "1", "left[c]", into="height ="),
             ]
+            row = [
+                f"double b[{across}], row[{other.slot.rows}];",
+                f"for (long c = 0; c < {across}; ++c) b[c] = left[c][r];",
+                *text.pull_slot(other.slot, "t", "b", "1", "row", into="const long breadth ="),
+                use(one, other),
+            ]
+            pair = [
+                f"double left[{across}][{one.slot.rows}];",
+                "long height = 0;",
+                *block(f"for (long c = 0; c < {across}; ++c)", column),
+                *block("for (long r = 0; r < height; ++r)", row),
+            ]
+            lines.append(f"for (long s = 0; s < {one.count}; ++s)")
+            lines += [f"    {line}" for line in block(f"for (long t = {begin}; t < {other.count}; ++t)", pair)]
     return lines
-
-
-def row_starts(text: CudaObjectText, ranges: Sequence[SlotRange]) -> list[str]:
-    """Declares `at`: where each slot's rows start when all slots are expanded to the targets, and their number."""
-    slots = sum(same.count for same in ranges)
-    lines = [f"long at[{slots + 1}];", "at[0] = 0;"]
-    for same in ranges:
-        pull = text.pull_slot(same, "k", "(const double*)0", "(double*)0", f"at[{same.first} + k + 1]")
-        lines += [
-            f"for (long k = 0; k < {same.count}; ++k) {{",
-            f"    at[{same.first} + k + 1] = at[{same.first} + k];",
-            *indented(pull),
-            "}",
-        ]
-    return lines
-
-
-def expand_merged(text: CudaObjectText, ranges: Sequence[SlotRange], triangle: str) -> list[str]:
-    """Adds J^T H J to the packed triangle `packed`; needs `step`, `at`, `to` and `width`."""
-
-    def add(one: SlotRange, other: SlotRange) -> str:
-        p, q = f"at[{one.first} + s]", f"at[{other.first} + t]"
-        return f"add_merged_row(packed, step, width, to, {p}, r, {q}, breadth, row);"
-
-    return expand(text, ranges, triangle, add)
-
-
-def curve_behind(text: CudaObjectText, ranges: Sequence[SlotRange], v: str) -> list[str]:
-    """Adds the curvature behind all slots, contracted with their parts of v."""
-    lines: list[str] = []
-    for same in ranges:
-        if text.scene.is_curved(same.slot.source):
-            part = f"{v} + {same.entry} + k * {same.slot.size}"
-            curve = text.curve_slot(same, "k", part, f"to + at[{same.first} + k]")
-            lines += [f"for (long k = 0; k < {same.count}; ++k) {{", *indented(curve), "}"]
-    return lines
-
-
-def curve_body(
-    text: CudaObjectText, ranges: Sequence[SlotRange], second: str | None, transposed: Sequence[str]
-) -> list[str]:
-    """Statements of the entry `curve`: own curvature (`second` fills the array of that name, packed) and the sources'.
-
-    `transposed` fills w = J^T v.
-    """
-    text.preludes[DENSE_PRELUDE] = None
-    q = sum(same.count * same.slot.size for same in ranges)
-    lines = row_starts(text, ranges)
-    if second is not None:
-        lines += [f"double second[{q * (q + 1) // 2}];", second, *expand_merged(text, ranges, "second")]
-    behind = curve_behind(text, ranges, "w")
-    return [*lines, *transposed, *behind] if behind else lines

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -14,6 +14,7 @@ from yasps.backend.codegen.scene_code import SceneCode
 from yasps.runtime.build.cache import file_name
 from yasps.runtime.build.cuda.sources import runtime_sources
 from yasps.runtime.build.toolchain import Source
+from yasps.runtime.core.sink import DEVICE_FIELDS, THREADS
 from yasps.runtime.device.protocol import Device, DeviceArray, LoadedProgram
 
 MOST_THREADS_WITH_WORKSPACE = 1 << 14
@@ -90,22 +91,11 @@ class CudaProgram:
         threads = run.count
         if code.workspace:
             threads = min(threads, MOST_THREADS_WITH_WORKSPACE)
-            in_blocks = -(-threads // 128) * 128
+            in_blocks = -(-threads // THREADS) * THREADS
             if self._workspace.size < code.workspace * in_blocks:
                 self._workspace.resize(code.workspace * in_blocks)
-        arguments: Sequence[int | float] = [
-            self.arguments(run.symbol),
-            run.count,
-            run.gradient,
-            run.blocks,
-            run.kappa,
-            run.position,
-            run.gradient_at,
-            run.block_size_at,
-            run.mode,
-            run.outcome,
-            self._workspace.address,
-        ]
+        fields = {**vars(run), "workspace": self._workspace.address}
+        arguments = [self.arguments(run.symbol), run.count, *(fields[name] for _, name in DEVICE_FIELDS)]
         self.device.launch(self.loaded.kernel(f"{code.symbol}_derive"), threads, arguments)
 
 

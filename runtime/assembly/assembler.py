@@ -11,11 +11,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from yasps.runtime.core.library import FloatArray, IntArray, LongArray, Projection, Runtime, check_status, piece_count
+from yasps.runtime.core.sink import TILE
 from yasps.runtime.core.uncopied import Uncopied
 from yasps.runtime.matrix.block_matrix import BlockMatrix
 
-# Doubles of gradient or matrix in a tile, the unit in which pieces share memory; as in runtime.h.
-_TILE = 512
 # Fewer instances than this are evaluated before a second thread has woken up.
 _FEW = 2048
 # Each thread's work is spread over this many places, so that a region of expensive instances is shared.
@@ -203,7 +202,7 @@ class Assembler(Uncopied):
             ):
                 return last
         pieces, chunks, scalars = cut
-        tiles = np.empty((pieces, -(-scalars // _TILE) + -(-(part_size or 0) // _TILE)), np.uint8)
+        tiles = np.empty((pieces, -(-scalars // TILE) + -(-(part_size or 0) // TILE)), np.uint8)
         self._runtime.library.yasps_mark_tiles(
             ctypes.addressof(task),
             ctypes.byref(_c_part(part)) if part is not None else None,

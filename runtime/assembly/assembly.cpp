@@ -71,7 +71,7 @@ void mark_gradient(const Task& task, Range instances, const int* block_size_at, 
 void mark_blocks(const Task& task, Range instances, unsigned char* marks) {
     const long pairs = task.capacity * (task.capacity + 1) / 2;
     for (long k = instances.begin * pairs; k < instances.end * pairs; ++k)
-        if (task.position[k] >= 0) marks[task.position[k] >> (kYaspsTileBits + 2)] = 1;
+        if (task.position[k] >= 0) marks[task.position[k] >> (kYaspsTileBits + kYaspsFlagBits)] = 1;
 }
 
 // Offset of the first block that starts at `offset` or later.

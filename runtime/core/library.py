@@ -27,10 +27,11 @@ from yasps.runtime.build.toolchain import (
     compile_sources,
     link,
 )
+from yasps.runtime.core import sink
 from yasps.runtime.core.uncopied import Uncopied
 
 #: Instances a generated kernel evaluates at once.
-LANES = 8
+LANES = sink.LANES
 
 #: Pieces that work is cut into for results that do not depend on the number of threads; more threads have no work.
 DETERMINISTIC_PIECES = 16

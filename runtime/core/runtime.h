@@ -15,6 +15,8 @@ inline int omp_get_thread_num() { return 0; }
 inline int omp_get_num_threads() { return 1; }
 #endif
 
+#include "core/sink.h"
+
 static_assert(sizeof(long) == 8, "the runtime's C interface passes 64-bit integers as long");
 
 namespace yasps {
@@ -87,8 +89,6 @@ struct Range {
 // Part t of n items cut into `parts` contiguous pieces.
 inline Range piece(long n, long t, long parts) { return {n * t / parts, n * (t + 1) / parts}; }
 
-// Instances a kernel evaluates at once.
-enum { kYaspsLanes = 8 };
 // Chunk c of `chunks` of instances; borders are multiples of the number of lanes.
 inline Range chunk_of(long instances, long c, long chunks) {
     const long packs = (instances + kYaspsLanes - 1) / kYaspsLanes;
@@ -136,7 +136,7 @@ struct Run {
 
 // One local block on its way to its row's bucket.
 struct Entry {
-    uint32_t column;  // dof block * 4 + flags as in PositionInData
+    uint32_t column;  // dof block and flags as in PositionInData
     uint32_t source;  // index into the PositionInData of all energies laid end to end
 };
 
@@ -197,23 +197,6 @@ InversionStatus invert_diagonal(int parts, const Structure* const* structures, c
 }  // namespace yasps
 
 extern "C" {
-
-// HessianBlocks are reached through tiles of so many doubles. A block belongs to the tile where it starts.
-enum { kYaspsTileBits = 9 };
-
-// What a generated energy kernel writes to; its layout is part of the interface to generated code.
-struct yasps_sink {
-    double* gradient;  // [scalars]
-    double** tiles;    // where each tile of HessianBlocks is, null if nobody has asked for it yet; null: gradient only
-    const int* kappa;  // [n, capacity], 1-based, 0 = no contribution
-    const long* position;      // [n, capacity (capacity + 1) / 2]
-    const int* block_size_at;  // [scalars]: size of the dof block that starts here
-    long (*project)(double* packed, int width, int lanes, int mode);
-    int mode;  // 0 = clamp, 1 = abs, 2 = leave
-    long* projected;
-    long (*project_isotropic)(double* packed, const double* deformation, int width, int lanes, int mode);
-    double* (*open_tile)(const yasps_sink* sink, long tile);  // empties a tile and says where it is
-};
 
 typedef long (*yasps_energy_kernel)(const void* const* args, long begin, long end, const yasps_sink* sink);
 typedef void (*yasps_value_kernel)(const void* const* args, long begin, long end, double* out);

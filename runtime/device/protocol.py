@@ -16,8 +16,9 @@ from numpy.typing import NDArray
 
 from yasps.runtime.build.cuda.report import ModuleRow
 from yasps.runtime.build.toolchain import Source
+from yasps.runtime.core.sink import THREADS
 
-BLOCK = 128
+BLOCK = THREADS
 """Threads of a block where a kernel does not ask for another number."""
 BLOCKS_AT_ONCE = 8
 """Of a kernel with a sum over all its threads on a multiprocessor: as many as the launch bounds of pcg.cu leave room

@@ -62,8 +62,9 @@ void fill_buckets(const Layout& layout, const int* kappa, int capacity, Range in
                 }
                 // No branches: which of two blocks comes first is anyone's guess.
                 const int row = std::min(i_block, j_block), col = std::max(i_block, j_block);
-                const uint32_t flags = (i_block > j_block ? 1u : 0u) | (a != b && i_block == j_block ? 2u : 0u);
-                entries[next_entry[row]++] = {static_cast<uint32_t>(col) * 4u + flags,
+                const uint32_t flags =
+                    (i_block > j_block ? kYaspsTurned : 0u) | (a != b && i_block == j_block ? kYaspsTwice : 0u);
+                entries[next_entry[row]++] = {(static_cast<uint32_t>(col) << kYaspsFlagBits) + flags,
                                               static_cast<uint32_t>(first_source + k)};
             }
         }
@@ -91,7 +92,7 @@ void find_columns(Structure& s, const Layout& layout, long a, bool with_diagonal
         unique[count++] = row;
     }
     for (long e = s.bucket_start[row]; e < s.bucket_start[row + 1]; ++e) {
-        const int col = static_cast<int>(s.entries[e].column >> 2);
+        const int col = static_cast<int>(s.entries[e].column >> kYaspsFlagBits);
         unique[count] = col;
         count += marker[col] != row ? 1 : 0;
         marker[col] = row;
@@ -166,7 +167,7 @@ void write_row(Structure& s, const Layout& layout, const Energies& energies, lon
             s.col[block] = col;
             s.padded_col[block] = layout.padded_start[col];
             if (col == row) s.diagonal[row] = offset;
-            place[col] = offset * 4;
+            place[col] = offset << kYaspsFlagBits;
             ++in_group;
         }
     }
@@ -179,7 +180,7 @@ void write_row(Structure& s, const Layout& layout, const Energies& energies, lon
         while (source < energies.first_source[energy]) --energy;
         while (source >= energies.first_source[energy + 1]) ++energy;
         energies.position[energy][source - energies.first_source[energy]] =
-            place[entry.column >> 2] + static_cast<long>(entry.column & 3u);
+            place[entry.column >> kYaspsFlagBits] + static_cast<long>(entry.column & (kYaspsTurned | kYaspsTwice));
     }
 }
 

@@ -17,11 +17,9 @@ import pytest
 from xdsl.parser import Parser
 
 from yasps import Scene, concat_rows
+from yasps.backend.codegen.preludes import without_preludes
 from yasps.backend.codegen.scene_view import SceneView
-from yasps.backend.cpp.curvature import DENSE_PRELUDE
-from yasps.backend.cpp.expand import EXPAND_PRELUDE
-from yasps.backend.cpp.object import PRELUDE, CppEmitter
-from yasps.backend.cpp.scatter import SCATTER_PRELUDE
+from yasps.backend.cpp.object import CppEmitter
 from yasps.frontend.execution.emit import SceneEmitter
 from yasps.passes.ir_text import text_of
 from yasps.passes.pipeline import PIPELINE, make_context, run_pipeline
@@ -114,14 +112,7 @@ def made_of(scene: Scene) -> dict[str, str]:
     for code in codes:  # equal objects share a hash: the first names it
         owners.setdefault(code.symbol, code.name)
     for code in codes:
-        text = code.text
-        for prelude, what in (
-            (PRELUDE, "kernel_prelude.h"),
-            (DENSE_PRELUDE, "dense_prelude.h"),
-            (EXPAND_PRELUDE, "expand_prelude.h"),
-            (SCATTER_PRELUDE, "scatter_prelude.h"),
-        ):
-            text = text.replace(prelude, f"// backend/{what} stands here\n")
+        text = without_preludes(code.text)
         named = re.sub(r"yasps_[0-9a-f]{20}", lambda match: f"yasps<{owners[match[0]]}>", text)
         texts[f"generated/{code.name}.cpp"] = named
     return texts

@@ -1,4 +1,4 @@
-// Added to the prelude of kernels whose inputs are not targets themselves.
+// Added to the prelude of kernels whose Hessian is expanded.
 
 // The `entries` of each instance of a pack after each other: instance l from to[l * vectors] on.
 static inline void lane_by_lane(const V* h, long entries, V* to, long vectors) {
@@ -21,8 +21,8 @@ static inline void copy_rows_of_triangle(const double* triangle, long n, long be
                                          long stride) {
     for (long r = begin; r < begin + height; ++r, to += stride) {
         *(V*)(to + stride - 8) = splat(0.0);
-        for (long c = begin; c < r; ++c) to[c - begin] = triangle[packed(n, c, r)];
-        for (long c = r; c < n; ++c) to[c - begin] = triangle[packed(n, r, c)];
+        for (long c = begin; c < r; ++c) to[c - begin] = triangle[upper_place(n, c, r)];
+        for (long c = r; c < n; ++c) to[c - begin] = triangle[upper_place(n, r, c)];
     }
 }
 
@@ -34,22 +34,22 @@ static inline void copy_transposed(const double* from, long stride, long height,
 
 // Adds the blocks between the leaves p_begin .. p_end and q_begin .. q_end of kappa, which come later or are the same;
 // the rows of `both`, `across` apart, are the unknowns of q, its columns those of p.
-static void add_expanded(const yasps_sink* sink, const int* kappa, const long* position, long capacity, long p_begin,
+static void add_expanded(const yasps_sink& sink, const int* kappa, const long* position, long capacity, long p_begin,
                          long p_end, long q_begin, long q_end, const double* both, long across) {
     for (long p = p_begin; p < p_end; ++p) {
         if (!kappa[p]) continue;
-        const long rows = sink->block_size_at[kappa[p] - 1];
+        const long rows = sink.block_size_at[kappa[p] - 1];
         const double* b = both;
         for (long q = q_begin; q < q_end; ++q) {
             if (!kappa[q]) continue;
-            const long cols = sink->block_size_at[kappa[q] - 1];
+            const long cols = sink.block_size_at[kappa[q] - 1];
             if (q >= p) {
-                const long where = position[p * capacity - p * (p - 1) / 2 + q - p];
-                double* const to = block_at(sink, where >> 2);
-                if (where & 2) {  // two leaves are the same unknowns
+                const long where = position[upper_place(capacity, p, q)];
+                double* const to = block_at(sink, where >> kYaspsFlagBits);
+                if (where & kYaspsTwice) {  // two leaves are the same unknowns
                     for (long r = 0; r < rows; ++r)
                         for (long c = 0; c < cols; ++c) to[r * cols + c] += b[c * across + r] + b[r * across + c];
-                } else if (where & 1) {
+                } else if (where & kYaspsTurned) {
                     for (long c = 0; c < cols; ++c)
                         for (long r = 0; r < rows; ++r) to[c * rows + r] += b[c * across + r];
                 } else {
@@ -61,21 +61,4 @@ static void add_expanded(const yasps_sink* sink, const int* kappa, const long* p
         }
         both += rows;
     }
-}
-
-// Adds the block's transpose to rows p .. and columns q .. of the dense matrix `out`, and the block mirrored.
-static inline void add_to_dense(double* out, long width, long p, long rows, long q, long cols, const double* block,
-                                long across) {
-    for (long r = 0; r < rows; ++r)
-        for (long c = 0; c < cols; ++c) {
-            out[(p + r) * width + q + c] += block[c * across + r];
-            out[(q + c) * width + p + r] += block[c * across + r];
-        }
-}
-
-// The same for a block on the diagonal, which is its own mirror image.
-static inline void add_to_dense_diagonal(double* out, long width, long p, long rows, long q, long cols,
-                                         const double* block, long across) {
-    for (long r = 0; r < rows; ++r)
-        for (long c = 0; c < cols; ++c) out[(p + r) * width + q + c] += block[c * across + r];
 }

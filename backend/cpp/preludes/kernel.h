@@ -1,31 +1,27 @@
-// The first lines of every generated file. No headers: they would take longer to compile than the kernels.
+// What every generated file begins with, after sink.h. No headers: they would take longer to compile than the kernels.
 typedef double V __attribute__((vector_size(64), may_alias));  // one value of 8 instances
 typedef double V_unaligned __attribute__((vector_size(64), aligned(8), may_alias));
 
-// Layout shared with runtime/core/runtime.h.
-struct yasps_sink {
-    double* gradient;
-    double** tiles;
-    const int* kappa;
-    const long* position;
-    const int* block_size_at;
-    long (*project)(double* packed, int width, int lanes, int mode);
-    int mode;
-    long* projected;
-    long (*project_isotropic)(double* packed, const double* deformation, int width, int lanes, int mode);
-    double* (*open_tile)(const yasps_sink* sink, long tile);
-};
-enum { TILE_BITS = 9 };
-
 // The block at this offset of HessianBlocks. Who first asks for one of its tile empties the whole tile: memory is then
 // written as it comes, and additions find it in the cache.
-static inline double* block_at(const yasps_sink* sink, long offset) {
-    double* tile = sink->tiles[offset >> TILE_BITS];
-    if (__builtin_expect(!tile, 0)) tile = sink->open_tile(sink, offset >> TILE_BITS);
-    return tile + (offset & ((1L << TILE_BITS) - 1));
+static inline double* block_at(const yasps_sink& sink, long offset) {
+    double* tile = sink.tiles[offset >> kYaspsTileBits];
+    if (__builtin_expect(!tile, 0)) tile = sink.open_tile(&sink, offset >> kYaspsTileBits);
+    return tile + (offset & ((1L << kYaspsTileBits) - 1));
 }
 
 typedef const void* const* Arguments;
+typedef V Columns;  // what `pull` has of each row: 8 columns
+
+static inline double first_of(V x) { return x[0]; }
+static inline void add_to(double* to, double x) { *to += x; }
+static inline long gradient_place(const yasps_sink&, const int* kappa, long, long, long p) { return kappa[p] - 1; }
+
+// Rows of J^T b for what is a target itself, in n packs of columns.
+static inline long copy_rows(long rows, const V* b, long n, V* out) {
+    for (long k = 0; k < rows * n; ++k) out[k] = b[k];
+    return rows;
+}
 
 static inline V splat(double x) { return V{x, x, x, x, x, x, x, x}; }
 
@@ -146,20 +142,17 @@ static inline void add_gradient(double* to, const V* from, long l, long n) {
     for (long e = 0; e < n; ++e) to[e] += from[e][l];
 }
 
-// Adds a rows x cols block to its place in HessianBlocks; see PositionInData in the runtime.
-static inline void add_block(const yasps_sink* sink, long position, const double* b, long rows, long cols) {
+// Adds a rows x cols block to its place in HessianBlocks; at a PositionInData.
+static inline void add_block(const yasps_sink& sink, long position, const double* b, long rows, long cols) {
     if (position < 0) return;
-    double* const to = block_at(sink, position >> 2);
-    if (position & 2) {  // two slots of one instance are the same unknowns
+    double* const to = block_at(sink, position >> kYaspsFlagBits);
+    if (position & kYaspsTwice) {  // two slots of one instance are the same unknowns
         for (long r = 0; r < rows; ++r)
             for (long c = 0; c < cols; ++c) to[r * cols + c] += b[r * cols + c] + b[c * cols + r];
-    } else if (position & 1) {
+    } else if (position & kYaspsTurned) {
         for (long r = 0; r < rows; ++r)
             for (long c = 0; c < cols; ++c) to[c * rows + r] += b[r * cols + c];
     } else {
         for (long k = 0; k < rows * cols; ++k) to[k] += b[k];
     }
 }
-
-// Where entry (r, c), r <= c, of a symmetric n x n matrix stands in its packed upper triangle.
-static inline constexpr long packed(long n, long r, long c) { return r * n - r * (r - 1) / 2 + c - r; }

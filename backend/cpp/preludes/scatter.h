@@ -16,7 +16,7 @@ static inline V turned_if(long turn, V a) {
 // block p, and position[l * stride + place[p]] where the block of instance l goes. One instance after the other,
 // because neighbours often share a block, and adding twice in a row to one place waits for the first addition to be
 // stored.
-static void add_packs_3x3(const yasps_sink* sink, const long* position, long stride, long lanes, const V* h,
+static void add_packs_3x3(const yasps_sink& sink, const long* position, long stride, long lanes, const V* h,
                           const short* at, const short* place, long pairs) {
     V block[8 * MOST_PAIRS], corner[MOST_PAIRS];
     for (long begin = 0; begin < pairs; begin += MOST_PAIRS, at += 9 * MOST_PAIRS, place += MOST_PAIRS) {
@@ -34,11 +34,11 @@ static void add_packs_3x3(const yasps_sink* sink, const long* position, long str
             for (long p = 0; p < count; ++p) {
                 const long where = position[l * stride + place[p]];
                 if (where < 0) continue;
-                double* const to = block_at(sink, where >> 2);
+                double* const to = block_at(sink, where >> kYaspsFlagBits);
                 const V same = block[l * MOST_PAIRS + p];
-                V sum = turned_if(where & 1, same);
+                V sum = turned_if(where & kYaspsTurned, same);
                 double last = corner[p][l];
-                if (__builtin_expect(where & 2, 0)) {  // two slots of one instance are the same unknowns
+                if (__builtin_expect(where & kYaspsTwice, 0)) {  // two slots of one instance are the same unknowns
                     sum = same + turned_if(1, same);
                     last += last;
                 }

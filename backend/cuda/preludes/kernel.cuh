@@ -1,18 +1,7 @@
-// The first lines of every generated file of device code. No headers: there are none where NVRTC compiles it.
+// What every generated file of device code begins with, after sink.h. No headers: there are none where NVRTC compiles
+// it.
 typedef const void* const* Arguments;
-
-// Where a kernel's results go; the fields are the kernel's parameters.
-struct yasps_sink {
-    double* gradient;             // what gradients are added to
-    double* blocks;               // HessianBlocks, or null: gradient only
-    const int* kappa;             // [n, capacity], 1-based, 0 = no contribution
-    const long* position;         // [n, capacity (capacity + 1) / 2], see PositionInData in the runtime
-    const long* gradient_at;      // [n, capacity]: places in `gradient`, or null: those of kappa
-    const int* block_size_at;     // [scalars]: size of the dof block that starts here
-    long mode;                    // of projection: 0 = clamp, 1 = abs, 2 = leave
-    unsigned long long* outcome;  // [2]: the first instance that is not finite; how many Hessians were projected
-    double* workspace;            // of all threads: number k of thread t at k * (number of threads) + t
-};
+typedef double Columns;  // what `pull` has of each row
 
 // Of the runtime: projection.cu, isotropic.cu.
 extern "C" __device__ int yasps_project(double* packed, int n, int mode, double* work);
@@ -20,71 +9,60 @@ extern "C" __device__ int yasps_project_apart(double* packed, long packed_step, 
                                               long work_step);
 extern "C" __device__ int yasps_project_isotropic(double* packed, const double* deformation, int n, int mode);
 
-// Where entry (r, c) of a symmetric n x n matrix stands in its packed upper triangle.
-static __device__ inline long packed_at(long n, long r, long c) {
-    return r <= c ? r * n - r * (r - 1) / 2 + c - r : c * n - c * (c - 1) / 2 + r - c;
-}
+YASPS_FUNCTION double* block_at(const yasps_sink& sink, long offset) { return sink.blocks + offset; }
+YASPS_FUNCTION void add_to(double* to, double x) { atomicAdd(to, x); }
+YASPS_FUNCTION double first_of(double x) { return x; }
 
 template <int N>
-static __device__ inline bool all_finite(const double* x) {
+YASPS_FUNCTION bool all_finite(const double* x) {
     double zero = 0.0;
 #pragma unroll
     for (int k = 0; k < N; ++k) zero += x[k] * 0.0;
     return zero == 0.0;
 }
 
-static __device__ inline void report_not_finite(const yasps_sink& sink, long i) {
+YASPS_FUNCTION void report_not_finite(const yasps_sink& sink, long i) {
     atomicMin(sink.outcome, (unsigned long long)i);
 }
 
 // Rows of J^T b for what is a target itself; without b they are only counted.
-static __device__ inline long copy_rows(long rows, const double* b, double* out) {
+YASPS_FUNCTION long copy_rows(long rows, const double* b, double* out) {
     if (b)
         for (long k = 0; k < rows; ++k) out[k] = b[k];
     return rows;
 }
 
 // Place in the gradient of leaf p of instance i, whose row of kappa this is.
-static __device__ inline long gradient_place(const yasps_sink& sink, const int* kappa, long i, long capacity, long p) {
+YASPS_FUNCTION long gradient_place(const yasps_sink& sink, const int* kappa, long i, long capacity, long p) {
     return sink.gradient_at ? sink.gradient_at[i * capacity + p] : kappa[p] - 1;
 }
 
 template <int N>
-static __device__ inline void add_gradient(const yasps_sink& sink, const int* kappa, long i, long capacity, long p,
-                                           const double* from) {
+YASPS_FUNCTION void add_gradient(const yasps_sink& sink, const int* kappa, long i, long capacity, long p,
+                                 const double* from) {
     double* const to = sink.gradient + gradient_place(sink, kappa, i, capacity, p);
 #pragma unroll
-    for (int e = 0; e < N; ++e) atomicAdd(to + e, from[e]);
-}
-
-// The same for expanded rows of the leaves p_begin .. p_end.
-static __device__ inline void add_gradient_rows(const yasps_sink& sink, const int* kappa, long i, long capacity,
-                                                long p_begin, long p_end, const double* rows) {
-    for (long p = p_begin; p < p_end; ++p) {
-        if (!kappa[p]) continue;
-        double* const to = sink.gradient + gradient_place(sink, kappa, i, capacity, p);
-        const long size = sink.block_size_at[kappa[p] - 1];
-        for (long e = 0; e < size; ++e) atomicAdd(to + e, *rows++);
-    }
+    for (int e = 0; e < N; ++e) add_to(to + e, from[e]);
 }
 
 // Adds an R x C block to its place.
 template <int R, int C>
-static __device__ inline void add_block(double* blocks, long where, const double* b) {
+YASPS_FUNCTION void add_block(const yasps_sink& sink, long where, const double* b) {
     if (where < 0) return;
-    double* const to = blocks + (where >> 2);
-    const bool turn = where & 1, both = where & 2;  // both: two slots of one instance are the same unknowns
+    double* const to = block_at(sink, where >> kYaspsFlagBits);
+    const bool turn = where & kYaspsTurned,
+               both = where & kYaspsTwice;  // both: two slots of one instance are the same unknowns
 #pragma unroll
     for (int r = 0; r < R; ++r)
 #pragma unroll
         for (int c = 0; c < C; ++c)
-            atomicAdd(to + (turn ? c * R + r : r * C + c), both ? b[r * C + c] + b[c % R * C + r % C] : b[r * C + c]);
+            add_to(to + (turn ? c * R + r : r * C + c), both ? b[r * C + c] + b[c % R * C + r % C] : b[r * C + c]);
 }
 
 // Adds row `row_in_slot` of an expanded block: of the leaf among those from p_begin on that it belongs to, in the
 // columns of the leaves q_begin .. q_end, as far as these come later or are the same.
-static __device__ inline void add_row(const yasps_sink& sink, const int* kappa, const long* position, long capacity,
-                                      long p_begin, long row_in_slot, long q_begin, long q_end, const double* row) {
+YASPS_FUNCTION void add_row(const yasps_sink& sink, const int* kappa, const long* position, long capacity, long p_begin,
+                            long row_in_slot, long q_begin, long q_end, const double* row) {
     long p = p_begin, r = row_in_slot, rows = 0;
     for (;; ++p) {
         if (!kappa[p]) continue;
@@ -96,11 +74,11 @@ static __device__ inline void add_row(const yasps_sink& sink, const int* kappa, 
         if (!kappa[q]) continue;
         const long cols = sink.block_size_at[kappa[q] - 1];
         if (q >= p) {
-            const long where = position[p * capacity - p * (p - 1) / 2 + q - p];
-            double* const to = sink.blocks + (where >> 2);
+            const long where = position[upper_place(capacity, p, q)];
+            double* const to = block_at(sink, where >> kYaspsFlagBits);
             for (long c = 0; c < cols; ++c) {
-                if (where & 3) atomicAdd(to + c * rows + r, row[c]);
-                if (!(where & 1)) atomicAdd(to + r * cols + c, row[c]);
+                if (where & (kYaspsTurned | kYaspsTwice)) add_to(to + c * rows + r, row[c]);
+                if (!(where & kYaspsTurned)) add_to(to + r * cols + c, row[c]);
             }
         }
         row += cols;

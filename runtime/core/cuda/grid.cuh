@@ -2,7 +2,9 @@
 #ifndef YASPS_GRID_CUH
 #define YASPS_GRID_CUH
 
-constexpr int kThreads = 128;  // of a block; BLOCK of runtime/device/protocol.py
+#include "core/sink.h"
+
+constexpr int kThreads = kYaspsThreads;  // of every block of these kernels
 constexpr int kWarps = kThreads / 32;
 
 __device__ __forceinline__ bool is_finite(double value) { return fabs(value) <= 1.7976931348623157e308; }

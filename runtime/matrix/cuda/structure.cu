@@ -7,10 +7,12 @@
 // All is bound by memory. Bytes per entry, at least: keys 12 written (kappa comes from the cache), the sort 24 for each
 // 8 bits of the key, heads 16, their prefix sums 16, place 20 read and 8 written to any place (a sector of 32).
 
+#include "core/sink.h"
+
 namespace {
 
 // Flags of PositionInData ride in the two highest bits of a key, which are not sorted by.
-const int kFlagsShift = 62;
+const int kFlagsShift = 64 - kYaspsFlagBits;
 const unsigned long long kKeyMask = (1ull << kFlagsShift) - 1;
 
 // One energy in the table that the host sends, which ends with a row of the number of all sources.
@@ -58,7 +60,7 @@ __device__ __forceinline__ bool starts(const unsigned long long* keys, long e) {
 
 }  // namespace
 
-extern "C" __global__ void __launch_bounds__(128)
+extern "C" __global__ void __launch_bounds__(kYaspsThreads)
     yasps_structure_layout(long size, const long* targets, long* names, int* block_size_at, int* block_start,
                            int* block_size) {
     // targets: end, scalars per instance, class of that size, first dof block.
@@ -77,7 +79,7 @@ extern "C" __global__ void __launch_bounds__(128)
 
 // The key of every entry: first those of the energies, then a diagonal block for each dof block where these are wanted.
 // Entries without contribution get the shape after the last, so that they come last. bits: of a dof block's number.
-extern "C" __global__ void __launch_bounds__(128)
+extern "C" __global__ void __launch_bounds__(kYaspsThreads)
     yasps_structure_keys(long entries, long pairs, const void* table, long energies, const long* names, long size,
                          const int* block_start, long bits, long classes, unsigned long long* keys,
                          unsigned int* sources, unsigned long long* bad) {
@@ -108,7 +110,7 @@ extern "C" __global__ void __launch_bounds__(128)
         return;
     }
     const long i = (int)first, j = (int)second;
-    const unsigned long long flags = (i > j ? 1u : 0u) | (i == j && !same_slot ? 2u : 0u);
+    const unsigned long long flags = (i > j ? kYaspsTurned : 0u) | (i == j && !same_slot ? kYaspsTwice : 0u);
     const long row = i < j ? first : second, col = i < j ? second : first;
     const unsigned long long shape = (unsigned long long)((row >> 32) * classes + (col >> 32));
     keys[s] =
@@ -116,7 +118,7 @@ extern "C" __global__ void __launch_bounds__(128)
 }
 
 // 1 where a global block begins among the sorted keys, else 0.
-extern "C" __global__ void __launch_bounds__(128)
+extern "C" __global__ void __launch_bounds__(kYaspsThreads)
     yasps_structure_heads(long entries, const unsigned long long* keys, long bits, long shapes, long* heads) {
     const long e = thread();
     if (e >= entries) return;
@@ -125,7 +127,7 @@ extern "C" __global__ void __launch_bounds__(128)
 }
 
 // For every shape, and the end: the first of its entries, and how many blocks there are before it.
-extern "C" __global__ void __launch_bounds__(128)
+extern "C" __global__ void __launch_bounds__(kYaspsThreads)
     yasps_structure_groups(long entries, const unsigned long long* keys, const long* heads_before, long bits,
                            long shapes, const long* bad, long* answer) {
     const long shape = thread();
@@ -148,7 +150,7 @@ extern "C" __global__ void __launch_bounds__(128)
 // shapes_at: for every shape (values of a block, offset of block 0 in `values`, offset of entry 0 among contributions),
 // as if all entries had this shape. Then the address of every energy's PositionInData.
 // first_entry: null, or where each block's entries begin; positions then lead to a place for each contribution.
-extern "C" __global__ void __launch_bounds__(128)
+extern "C" __global__ void __launch_bounds__(kYaspsThreads)
     yasps_structure_place(long entries, long pairs, const unsigned long long* keys, const unsigned int* sources,
                           const long* heads_before, const void* table, long energies, const long* shapes_at, long bits,
                           long shapes, long used, long blocks, const int* block_start, int* rows, int* cols,
@@ -171,7 +173,7 @@ extern "C" __global__ void __launch_bounds__(128)
             if (row == col) diagonal[row] = in_values;
             if (first_entry) first_entry[block] = (unsigned int)e;
         }
-        position = 4 * (first_entry ? shape[2] + e * shape[0] : in_values) + (long)(key >> kFlagsShift);
+        position = (first_entry ? shape[2] + e * shape[0] : in_values) << kYaspsFlagBits | (long)(key >> kFlagsShift);
     }
     if (source >= pairs) return;
     const Energies all = {(const Energy*)table, energies};
@@ -179,7 +181,7 @@ extern "C" __global__ void __launch_bounds__(128)
     ((long*)shapes_at[3 * shapes + energy])[source - all.table[energy].first_source] = position;
 }
 
-extern "C" __global__ void __launch_bounds__(128) yasps_structure_fill(long count, long value, long* out) {
+extern "C" __global__ void __launch_bounds__(kYaspsThreads) yasps_structure_fill(long count, long value, long* out) {
     const long i = thread();
     if (i < count) out[i] = value;
 }
@@ -187,7 +189,7 @@ extern "C" __global__ void __launch_bounds__(128) yasps_structure_fill(long coun
 // Adds the contributions to the blocks of one shape, one after another. Floor: each contribution is read once; the
 // threads of a block read neighbours. A block with very many contributions is the work of few threads.
 // contributions: where entry 0 would be if all had this shape.
-extern "C" __global__ void __launch_bounds__(128)
+extern "C" __global__ void __launch_bounds__(kYaspsThreads)
     yasps_structure_sum(long count, long block_values, const unsigned int* first_entry, const double* contributions,
                         double* values) {
     const long v = thread();
@@ -201,7 +203,7 @@ extern "C" __global__ void __launch_bounds__(128)
 }
 
 // The key of a slot is the scalar offset of its dof block, `size` without contribution.
-extern "C" __global__ void __launch_bounds__(128)
+extern "C" __global__ void __launch_bounds__(kYaspsThreads)
     yasps_gradient_keys(long slots, const void* table, long energies, const int* block_size_at, long size,
                         unsigned long long* keys, unsigned int* sources, unsigned long long* bad) {
     const long s = thread();
@@ -216,7 +218,7 @@ extern "C" __global__ void __launch_bounds__(128)
 }
 
 // How many scalars every sorted slot contributes to.
-extern "C" __global__ void __launch_bounds__(128)
+extern "C" __global__ void __launch_bounds__(kYaspsThreads)
     yasps_gradient_lengths(long slots, const unsigned long long* keys, const int* block_size_at, long size,
                            long* lengths) {
     const long e = thread();
@@ -225,7 +227,7 @@ extern "C" __global__ void __launch_bounds__(128)
     lengths[e] = offset < size ? block_size_at[offset] : 0;
 }
 
-extern "C" __global__ void __launch_bounds__(128)
+extern "C" __global__ void __launch_bounds__(kYaspsThreads)
     yasps_gradient_total(long slots, const unsigned long long* keys, const int* block_size_at, long size,
                          const long* lengths_before, const long* bad, long* answer) {
     if (thread() != 0) return;
@@ -236,7 +238,7 @@ extern "C" __global__ void __launch_bounds__(128)
 
 // ranges: at the offset of each dof block, where its contributions begin and end; zero before.
 // positions_at: the address of every energy's positions.
-extern "C" __global__ void __launch_bounds__(128)
+extern "C" __global__ void __launch_bounds__(kYaspsThreads)
     yasps_gradient_place(long slots, const unsigned long long* keys, const unsigned int* sources,
                          const long* lengths_before, const void* table, long energies, const long* positions_at,
                          const int* block_size_at, long size, long* ranges) {
@@ -255,7 +257,7 @@ extern "C" __global__ void __launch_bounds__(128)
 }
 
 // Adds the contributions to every scalar, one after another.
-extern "C" __global__ void __launch_bounds__(128)
+extern "C" __global__ void __launch_bounds__(kYaspsThreads)
     yasps_gradient_sum(long size, const int* block_size_at, const long* ranges, const double* contributions,
                        double* values) {
     const long i = thread();

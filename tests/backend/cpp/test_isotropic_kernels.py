@@ -17,7 +17,7 @@ from yasps.passes.pipeline import run_pipeline
 
 Check = Callable[[Scene], CpuScene]
 Energy = Callable[[Attribute], Attribute]
-CALL = "sink->project_isotropic("
+CALL = "sink.project_isotropic("
 
 
 def stable(f: Attribute) -> Attribute:

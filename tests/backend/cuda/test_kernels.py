@@ -15,9 +15,9 @@ from small_scenes import soft_tets
 
 from yasps import Scene
 from yasps.backend.codegen.object_text import ObjectCode
+from yasps.backend.codegen.preludes import without_preludes
 from yasps.backend.codegen.scene_view import SceneView
-from yasps.backend.cuda.derivative import DENSE_PRELUDE
-from yasps.backend.cuda.object import PRELUDE, CudaEmitter
+from yasps.backend.cuda.object import CudaEmitter
 from yasps.examples.two_bunnies import two_bunnies
 from yasps.frontend.execution.device_report import DeviceCompileReport
 from yasps.frontend.execution.emit import SceneEmitter
@@ -68,7 +68,7 @@ def emit(scene: Scene) -> tuple[ObjectCode, ...]:
 
 def body_of(code: ObjectCode) -> str:
     """Without what all objects share."""
-    return code.text.replace(PRELUDE, "").replace(DENSE_PRELUDE, "")
+    return without_preludes(code.text)
 
 
 # -- compiled, not run -------------------------------------------------------------------------------------

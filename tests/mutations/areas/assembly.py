@@ -30,7 +30,7 @@ MUTATIONS = (
     Mutation(
         "marks of blocks are one tile too far",
         CODE,
-        "marks[task.position[k] >> (kYaspsTileBits + 2)] = 1;",
+        "marks[task.position[k] >> (kYaspsTileBits + kYaspsFlagBits)] = 1;",
         "marks[task.position[k] >> (kYaspsTileBits + 3)] = 1;",
         MANY,
     ),

@@ -30,13 +30,6 @@ MUTATIONS = (
         DEVICES,
     ),
     Mutation(
-        "what lies behind a nonlinear layer is dropped",
-        "backend/cuda/expand.py",
-        "return [*lines, *transposed, *behind] if behind else lines",
-        "return lines",
-        LAYERS,
-    ),
-    Mutation(
         "two slots that are the same unknowns add a block once",
         "backend/cuda/preludes/kernel.cuh",
         "both ? b[r * C + c] + b[c % R * C + r % C] : b[r * C + c]",
@@ -45,23 +38,16 @@ MUTATIONS = (
     ),
     Mutation(
         "merged slots add an entry of the diagonal once",
-        "backend/cuda/preludes/dense.cuh",
+        "backend/codegen/preludes/merge.h",
         "r != c && to[r] == to[c] ? 2.0 * value : value",
         "value",
         DEVICES,
     ),
     Mutation(
-        "means are not divided in the pull-back",
-        "backend/cuda/object.py",
-        'if slot.reduction == "mean":\n            lines += ["    if (from)"',
-        'if slot.reduction == "sum":\n            lines += ["    if (from)"',
-        DEVICES,
-    ),
-    Mutation(
         "structure: transposed blocks are flagged the wrong way round",
         STRUCTURE,
-        "(i > j ? 1u : 0u) | (i == j",
-        "(i < j ? 1u : 0u) | (i == j",
+        "(i > j ? kYaspsTurned : 0u) | (i == j",
+        "(i < j ? kYaspsTurned : 0u) | (i == j",
         POSITIONS,
     ),
     Mutation(
@@ -333,8 +319,8 @@ MUTATIONS = (
     Mutation(
         "kernels: an expanded block that is both goes one way only",
         "backend/cuda/preludes/kernel.cuh",
-        "if (where & 3) atomicAdd(to + c * rows + r, row[c]);",
-        "if (where & 1) atomicAdd(to + c * rows + r, row[c]);",
+        "if (where & (kYaspsTurned | kYaspsTwice)) add_to(to + c * rows + r, row[c]);",
+        "if (where & kYaspsTurned) add_to(to + c * rows + r, row[c]);",
         DEVICES,
     ),
     Mutation(
@@ -355,7 +341,7 @@ MUTATIONS = (
     ),
     Mutation(
         "dense: the width of merged leaves lacks the last",
-        "backend/cuda/preludes/dense.cuh",
+        "backend/codegen/preludes/merge.h",
         "    start[leaves] = width;\n",
         "    start[leaves] = leaves ? start[leaves - 1] : 0;\n",
         LAYERS,

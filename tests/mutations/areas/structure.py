@@ -15,15 +15,15 @@ MUTATIONS = (
     Mutation(
         "two slots that are one block have no flag",
         CODE,
-        "(a != b && i_block == j_block ? 2u : 0u)",
-        "(a < 0 && i_block == j_block ? 2u : 0u)",
+        "(a != b && i_block == j_block ? kYaspsTwice : 0u)",
+        "(a < 0 && i_block == j_block ? kYaspsTwice : 0u)",
         SUM,
     ),
     Mutation(
         "the flag of transposed blocks is that of the others",
         CODE,
-        "(i_block > j_block ? 1u : 0u)",
-        "(i_block < j_block ? 1u : 0u)",
+        "(i_block > j_block ? kYaspsTurned : 0u)",
+        "(i_block < j_block ? kYaspsTurned : 0u)",
         SUM,
     ),
     Mutation(

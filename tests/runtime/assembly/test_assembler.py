@@ -12,18 +12,15 @@ import pytest
 
 from yasps.runtime.assembly.assembler import Assembler, KernelCall, evaluate
 from yasps.runtime.build.toolchain import Compiler, Source, compile_sources, link
-from yasps.runtime.core.library import LANES, Projection, Runtime
+from yasps.runtime.core import sink
+from yasps.runtime.core.library import Projection, Runtime
 from yasps.runtime.matrix.block_matrix import BlockMatrix
 
 # E_i = 1/2 s_i (sum_a sum_j w_a x_{a,j} (j + 1))^2 over the slots a: gradient s f L and Hessian s L L^T, with
 # L = w_a (j + 1). Instances with s < 0 are projected (then their Hessian is 0). A scale that is not finite is reported.
-KERNEL = """
-struct yasps_sink {
-    double* gradient; double** tiles; const int* kappa; const long* position; const int* block_size_at;
-    long (*project)(double*, int, int, int); int mode; long* projected;
-    long (*project_isotropic)(double*, const double*, int, int, int);
-    double* (*open_tile)(const yasps_sink*, long);
-};
+KERNEL = (
+    sink.TEXT
+    + """
 extern "C" long energy(const void* const* args, long begin, long end, const yasps_sink* sink) {
     const double* x = (const double*)args[0];
     const double* scale = (const double*)args[1];
@@ -76,6 +73,7 @@ extern "C" void value(const void* const* args, long begin, long end, double* out
     for (long i = begin; i < end; ++i) out[i] = scale[i] + (begin % 8 == 0 ? 0 : 1e9);
 }
 """
+)
 
 
 @dataclass
@@ -394,7 +392,7 @@ def test_arrays_that_do_not_fit_are_refused(runtime: Runtime, kernels: Kernels, 
 
 
 @pytest.mark.parametrize("threads", [1, 2, 3])
-@pytest.mark.parametrize("count", [0, 1, LANES, 45])
+@pytest.mark.parametrize("count", [0, 1, sink.LANES, 45])
 def test_evaluate_and_sum(runtime: Runtime, kernels: Kernels, threads: int, count: int) -> None:
     scale = np.random.default_rng(count).standard_normal(count)
     arguments = Arguments(np.zeros(1), scale, 1)

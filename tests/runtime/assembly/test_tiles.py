@@ -9,18 +9,15 @@ import pytest
 
 from yasps.runtime.assembly.assembler import Assembler, KernelCall
 from yasps.runtime.build.toolchain import Compiler, Source, compile_sources, link
+from yasps.runtime.core import sink
 from yasps.runtime.core.library import Runtime
 from yasps.runtime.matrix.block_matrix import BlockMatrix
 
-TILE = 512
+TILE = sink.TILE
 # Every slot's gradient entries become 1, 2, 3, .. times the instance's weight, and so do those of its diagonal block.
-KERNEL = """
-struct yasps_sink {
-    double* gradient; double** tiles; const int* kappa; const long* position; const int* block_size_at;
-    long (*project)(double*, int, int, int); int mode; long* projected;
-    long (*project_isotropic)(double*, const double*, int, int, int);
-    double* (*open_tile)(const yasps_sink*, long);
-};
+KERNEL = (
+    sink.TEXT
+    + """
 extern "C" long energy(const void* const* args, long begin, long end, const yasps_sink* sink) {
     const double* weight = (const double*)args[0];
     for (long i = begin; i < end; ++i) {
@@ -35,6 +32,7 @@ extern "C" long energy(const void* const* args, long begin, long end, const yasp
     return -1;
 }
 """
+)
 
 
 @pytest.fixture(scope="module")

@@ -1,12 +1,16 @@
-// backend/kernel_prelude.h stands here
+// runtime/core/sink.h stands here
 
-// backend/dense_prelude.h stands here
+// backend/cpp/preludes/kernel.h stands here
 
-// backend/expand_prelude.h stands here
+// backend/codegen/preludes/merge.h stands here
 
-extern "C" long yasps<m.tips.x.jacobian>_pull(Arguments, long, const V*, long, V*);
-extern "C" long yasps<m.tips.x.jacobian>_curve(Arguments, long, const double*, double*, long);
-extern "C" void yasps<m.tips.x>_value(Arguments, long, double*);
+// backend/cpp/preludes/expand.h stands here
+
+// backend/codegen/preludes/expand.h stands here
+
+extern "C" void yasps<m.tips.x>_value(Arguments a, long i, double* out);
+extern "C" long yasps<m.tips.x.jacobian>_pull(Arguments a, long i, const V* b, long n, V* out);
+extern "C" void yasps<m.tips.x.jacobian>_curve(Arguments a, long i, const double* v, double* packed, long step, long width, const int* to);
 static inline void derive_pack(const V* x0, V* y0, V* y1, V* y2) {
     const V t6 = x0[0] - x0[2];
     const V t7 = x0[1] - x0[3];
@@ -33,10 +37,11 @@ static inline void derive_pack(const V* x0, V* y0, V* y1, V* y2) {
     y2[9] = splat(1.0);
 }
 
-extern "C" long yasps<m.springs.stretch.derivative>_derive(Arguments a, long begin, long end, const yasps_sink* sink) {
+extern "C" long yasps<m.springs.stretch.derivative>_derive(Arguments a, long begin, long end, const yasps_sink* results) {
     const int* const p0 = (const int*)a[0];
     Arguments const p1 = (Arguments)a[1];
     Arguments const p2 = (Arguments)a[2];
+    const yasps_sink& sink = *results;
     for (long first = begin; first < end; first += 8) {
         const long lanes = end - first < 8 ? end - first : 8;
         V r0[4];
@@ -46,7 +51,7 @@ extern "C" long yasps<m.springs.stretch.derivative>_derive(Arguments a, long beg
             double one[4];
             for (long s = 0; s < 2; ++s) {
                 const long j = p0[i * 2 + s];
-                yasps<m.tips.x>_value(p2, j, (one + s * 2));
+                yasps<m.tips.x>_value(p1, j, (one + s * 2));
             }
             for (long e = 0; e < 4; ++e) r0[e][l] = one[e];
             (void)i;
@@ -60,24 +65,32 @@ extern "C" long yasps<m.springs.stretch.derivative>_derive(Arguments a, long beg
         if (any_not_finite(check))
             for (long l = 0; l < lanes; ++l)
                 if (check[l] != 0.0) return first + l;
-        if (sink->tiles) {
+        if (sink.tiles) {
             for (long l = 0; l < lanes; ++l) {
                 const long i = first + l;
-                long at[3];
-                at[0] = 0;
-                at[1] = at[0] + yasps<m.tips.x.jacobian>_pull(p1, (long)p0[i * 2 + 0], (const V*)0, 0, (V*)0);
-                at[2] = at[1] + yasps<m.tips.x.jacobian>_pull(p1, (long)p0[i * 2 + 1], (const V*)0, 0, (V*)0);
-                const long n = at[2];
-                double local[4];
-                for (long k = 0; k < n * n; ++k) local[k] = 0.0;
+                const int* const kappa = sink.kappa + i * 2;
+                const long* const position = sink.position + i * 3;
+                double v[4];
+                for (long e = 0; e < 4; ++e) v[e] = gradient[e][l];
                 double triangle[10];
                 for (long k = 0; k < 10; ++k) triangle[k] = middle[k][l];
+                int leaf[2], start[3], to[2];
+                const long leaves = merge_leaves(sink, kappa, 2, leaf, start, to), width = start[leaves];
+                V triangle_of_lanes[3];
+                double* const packed = (double*)triangle_of_lanes;
+                const long step = 8;
+                for (long k = 0; k < width * (width + 1) / 2; ++k) packed[k * step] = 0.0;
+                long at[3];
+                at[0] = 0;
+                for (long k = 0; k < 2; ++k) {
+                    at[1 + k] = at[k] + yasps<m.tips.x.jacobian>_pull(p2, (long)p0[i * 2 + k], (const V*)0, 0, (V*)0);
+                }
                 V rows0[2], left0[1];
                 copy_rows_of_triangle(triangle, 4, 0, 2, (double*)rows0, 8);
-                const long height0 = yasps<m.tips.x.jacobian>_pull(p1, (long)p0[i * 2 + 0], rows0, 1, left0);
+                const long height0 = yasps<m.tips.x.jacobian>_pull(p2, (long)p0[i * 2 + 0], rows0, 1, left0);
                 V rows1[2], left1[1];
                 copy_rows_of_triangle(triangle, 4, 2, 2, (double*)rows1, 8);
-                const long height1 = yasps<m.tips.x.jacobian>_pull(p1, (long)p0[i * 2 + 1], rows1, 1, left1);
+                const long height1 = yasps<m.tips.x.jacobian>_pull(p2, (long)p0[i * 2 + 1], rows1, 1, left1);
                 {
                     V right[2], both[1];
                     const long breadth = (height0 + 7) / 8, across = 8 * breadth;
@@ -85,9 +98,9 @@ extern "C" long yasps<m.springs.stretch.derivative>_derive(Arguments a, long beg
                     long column = 0;
                     copy_transposed((const double*)left0 + 0, 8, height0, 2, (double*)right + column, across);
                     column += height0;
-                    const long height = yasps<m.tips.x.jacobian>_pull(p1, (long)p0[i * 2 + 0], right, breadth, both);
+                    const long height = yasps<m.tips.x.jacobian>_pull(p2, (long)p0[i * 2 + 0], right, breadth, both);
                     const double* block = (const double*)both;
-                    add_to_dense_diagonal(local, n, at[0], height0, at[0], height, block, across);
+                    for (long r = 0; r < height; ++r) add_merged_row(packed, step, width, to, at[0], r, at[0], height0, block + r * across);
                     block += height0;
                     (void)column, (void)block, (void)height;
                 }
@@ -100,54 +113,33 @@ extern "C" long yasps<m.springs.stretch.derivative>_derive(Arguments a, long beg
                     column += height0;
                     copy_transposed((const double*)left1 + 0, 8, height1, 2, (double*)right + column, across);
                     column += height1;
-                    const long height = yasps<m.tips.x.jacobian>_pull(p1, (long)p0[i * 2 + 1], right, breadth, both);
+                    const long height = yasps<m.tips.x.jacobian>_pull(p2, (long)p0[i * 2 + 1], right, breadth, both);
                     const double* block = (const double*)both;
-                    add_to_dense(local, n, at[0], height0, at[1], height, block, across);
+                    for (long r = 0; r < height; ++r) add_merged_row(packed, step, width, to, at[1], r, at[0], height0, block + r * across);
                     block += height0;
-                    add_to_dense_diagonal(local, n, at[1], height1, at[1], height, block, across);
+                    for (long r = 0; r < height; ++r) add_merged_row(packed, step, width, to, at[1], r, at[1], height1, block + r * across);
                     block += height1;
                     (void)column, (void)block, (void)height;
                 }
-                {
-                    double v[2];
-                    for (long e = 0; e < 2; ++e) v[e] = gradient[0 + e][l];
-                    yasps<m.tips.x.jacobian>_curve(p1, (long)p0[i * 2 + 0], v, local + at[0] * (n + 1), n);
+                for (long k = 0; k < 2; ++k) {
+                    yasps<m.tips.x.jacobian>_curve(p2, (long)p0[i * 2 + k], v + k * 2, packed, step, width, to + at[k]);
                 }
-                {
-                    double v[2];
-                    for (long e = 0; e < 2; ++e) v[e] = gradient[2 + e][l];
-                    yasps<m.tips.x.jacobian>_curve(p1, (long)p0[i * 2 + 1], v, local + at[1] * (n + 1), n);
-                }
-                const long changed = project_and_scatter(sink, sink->kappa + i * 2,
-                                                         sink->position + i * 3, 2, local, n);
+                const long changed = sink.project(packed, (int)width, 1, sink.mode);
                 if (changed < 0) return i;
-                *sink->projected += changed;
+                *sink.projected += changed;
+                scatter_merged(sink, position, 2, leaves, leaf, start, packed, step);
+                (void)i;
             }
         }
         for (long l = 0; l < lanes; ++l) {
             const long i = first + l;
-            const int* const kappa = sink->kappa + i * 2;
-            {
-                V b[2], rows[1];  // one column; the others are not looked at
-                for (long e = 0; e < 2; ++e) b[e] = splat(gradient[0 + e][l]);
-                yasps<m.tips.x.jacobian>_pull(p1, (long)p0[i * 2 + 0], b, 1, rows);
-                const V* row = rows;
-                for (long k = 0; k < 1; ++k) {
-                    if (!kappa[k]) continue;
-                    const long size = sink->block_size_at[kappa[k] - 1];
-                    for (long e = 0; e < size; ++e) sink->gradient[kappa[k] - 1 + e] += (*row++)[0];
-                }
-            }
-            {
-                V b[2], rows[1];  // one column; the others are not looked at
-                for (long e = 0; e < 2; ++e) b[e] = splat(gradient[2 + e][l]);
-                yasps<m.tips.x.jacobian>_pull(p1, (long)p0[i * 2 + 1], b, 1, rows);
-                const V* row = rows;
-                for (long k = 1; k < 2; ++k) {
-                    if (!kappa[k]) continue;
-                    const long size = sink->block_size_at[kappa[k] - 1];
-                    for (long e = 0; e < size; ++e) sink->gradient[kappa[k] - 1 + e] += (*row++)[0];
-                }
+            const int* const kappa = sink.kappa + i * 2;
+            for (long k = 0; k < 2; ++k) {
+                V rows[1];
+                V b[2];  // one column; the others are not looked at
+                for (long e = 0; e < 2; ++e) b[e] = splat(gradient[k * 2 + e][l]);
+                yasps<m.tips.x.jacobian>_pull(p2, (long)p0[i * 2 + k], b, 1, rows);
+                add_gradient_rows(sink, kappa, i, 2, k, 1 + k, rows);
             }
             (void)i;
         }

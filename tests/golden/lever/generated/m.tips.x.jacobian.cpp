@@ -1,6 +1,10 @@
-// backend/kernel_prelude.h stands here
+// runtime/core/sink.h stands here
 
-// backend/expand_prelude.h stands here
+// backend/cpp/preludes/kernel.h stands here
+
+// backend/codegen/preludes/merge.h stands here
+
+// backend/cpp/preludes/expand.h stands here
 
 #if defined(__AVX512F__)
 extern "C" V _ZGVeN8v_cos(V a);
@@ -40,12 +44,7 @@ static inline V v_sin(V a) {
 }
 #endif
 
-extern "C" void yasps<m.tips.x.curvature>_second(Arguments, long, const double*, double*);
-static inline long copy_rows(long rows, const V* b, long n, V* out) {
-    for (long k = 0; k < rows * n; ++k) out[k] = b[k];
-    return rows;
-}
-
+extern "C" void yasps<m.tips.x.curvature>_second(Arguments a, long i, const double* v, double* out);
 static inline void pull_back_pack(const V* x0, const V* x1, const V* x2, V* y0) {
     const V t4 = v_cos(x0[0]);
     const V t5 = x1[0] * t4;
@@ -81,18 +80,7 @@ extern "C" long yasps<m.tips.x.jacobian>_pull(Arguments a, long i, const V* b, l
     return 1;
 }
 
-static inline void pull_back_one(const double* x0, const double* x1, const double* x2, double* y0) {
-    const double t4 = __builtin_cos(x0[0]);
-    const double t5 = x1[0] * t4;
-    const double t6 = __builtin_sin(x0[0]);
-    const double t7 = x1[0] * t6;
-    const double t8 = x2[0] * t7;
-    const double t9 = x2[1] * t5;
-    const double t10 = t9 - t8;
-    y0[0] = t10;
-}
-
-extern "C" long yasps<m.tips.x.jacobian>_curve(Arguments a, long i, const double* v, double* out, long n) {
+extern "C" void yasps<m.tips.x.jacobian>_curve(Arguments a, long i, const double* v, double* packed, long step, long width, const int* to) {
     const int* const p0 = (const int*)a[0];
     const double* const p1 = (const double*)a[1];
     const double* const p2 = (const double*)a[2];
@@ -114,9 +102,8 @@ extern "C" long yasps<m.tips.x.jacobian>_curve(Arguments a, long i, const double
         column += height0;
         const long height = copy_rows(1, right, breadth, both);
         const double* block = (const double*)both;
-        add_to_dense_diagonal(out, n, at[0], height0, at[0], height, block, across);
+        for (long r = 0; r < height; ++r) add_merged_row(packed, step, width, to, at[0], r, at[0], height0, block + r * across);
         block += height0;
         (void)column, (void)block, (void)height;
     }
-    return at[1];
 }

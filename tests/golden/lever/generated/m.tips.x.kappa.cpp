@@ -1,6 +1,8 @@
-// backend/kernel_prelude.h stands here
+// runtime/core/sink.h stands here
 
-extern "C" void yasps<m.arms.angle.kappa>_value(Arguments, long, int*);
+// backend/cpp/preludes/kernel.h stands here
+
+extern "C" void yasps<m.arms.angle.kappa>_value(Arguments a, long i, int* out);
 extern "C" void yasps<m.tips.x.kappa>_value(Arguments a, long i, int* out) {
     const int* const p0 = (const int*)a[0];
     Arguments const p1 = (Arguments)a[1];

@@ -1,4 +1,6 @@
-// backend/kernel_prelude.h stands here
+// runtime/core/sink.h stands here
+
+// backend/cpp/preludes/kernel.h stands here
 
 #if defined(__AVX512F__)
 extern "C" V _ZGVeN8v_log(V a);
@@ -19,7 +21,7 @@ static inline V v_log(V a) {
 }
 #endif
 
-extern "C" void yasps<both.v.x>_value(Arguments, long, double*);
+extern "C" void yasps<both.v.x>_value(Arguments a, long i, double* out);
 static inline void value_uniforms_one(const double* x0, double* y0) {
     const double t3 = 1.0 / x0[0];
     y0[0] = x0[1];

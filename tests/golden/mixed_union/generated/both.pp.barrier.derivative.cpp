@@ -1,6 +1,10 @@
-// backend/kernel_prelude.h stands here
+// runtime/core/sink.h stands here
 
-// backend/expand_prelude.h stands here
+// backend/cpp/preludes/kernel.h stands here
+
+// backend/cpp/preludes/expand.h stands here
+
+// backend/codegen/preludes/expand.h stands here
 
 #if defined(__AVX512F__)
 extern "C" V _ZGVeN8v_log(V a);
@@ -21,8 +25,8 @@ static inline V v_log(V a) {
 }
 #endif
 
-extern "C" long yasps<both.v.x>_pull(Arguments, long, const V*, long, V*);
-extern "C" void yasps<both.v.x>_value(Arguments, long, double*);
+extern "C" long yasps<both.v.x>_pull(Arguments a, long i, const V* b, long n, V* out);
+extern "C" void yasps<both.v.x>_value(Arguments a, long i, double* out);
 static inline void pull_back_pack(const V* x0, V* y0) {
     const V t6 = -x0[0];
     const V t7 = -x0[1];
@@ -138,16 +142,17 @@ static inline void derive_pack(const V* x0, const V* x1, V* y0, V* y1, V* y2) {
     y2[5] = t59;
 }
 
-extern "C" long yasps<both.pp.barrier.derivative>_derive(Arguments a, long begin, long end, const yasps_sink* sink) {
+extern "C" long yasps<both.pp.barrier.derivative>_derive(Arguments a, long begin, long end, const yasps_sink* results) {
     const int* const p0 = (const int*)a[0];
     Arguments const p1 = (Arguments)a[1];
     const double* const p2 = (const double*)a[2];
+    const yasps_sink& sink = *results;
     double u0_one[2];
     derive_uniforms_one(p2, u0_one);
     V u0[2];
     for (long e = 0; e < 2; ++e) u0[e] = splat(u0_one[e]);
     V middle_of[16][6];
-    const long most = sink->mode == 2 ? 8 : 128;
+    const long most = sink.mode == 2 ? 8 : 128;
     for (long start = begin; start < end; start += most) {
         const long stop = end - start < most ? end : start + most;
         for (long first = start, pack = 0; first < stop; first += 8, ++pack) {
@@ -174,36 +179,21 @@ extern "C" long yasps<both.pp.barrier.derivative>_derive(Arguments a, long begin
                     if (check[l] != 0.0) return first + l;
             for (long l = 0; l < lanes; ++l) {
                 const long i = first + l;
-                const int* const kappa = sink->kappa + i * 4;
-                {
-                    V b[3], rows[12];  // one column; the others are not looked at
-                    for (long e = 0; e < 3; ++e) b[e] = splat(gradient[0 + e][l]);
-                    yasps<both.v.x>_pull(p1, (long)p0[i * 2 + 0], b, 1, rows);
-                    const V* row = rows;
-                    for (long k = 0; k < 2; ++k) {
-                        if (!kappa[k]) continue;
-                        const long size = sink->block_size_at[kappa[k] - 1];
-                        for (long e = 0; e < size; ++e) sink->gradient[kappa[k] - 1 + e] += (*row++)[0];
-                    }
-                }
-                {
-                    V b[3], rows[12];  // one column; the others are not looked at
-                    for (long e = 0; e < 3; ++e) b[e] = splat(gradient[3 + e][l]);
-                    yasps<both.v.x>_pull(p1, (long)p0[i * 2 + 1], b, 1, rows);
-                    const V* row = rows;
-                    for (long k = 2; k < 4; ++k) {
-                        if (!kappa[k]) continue;
-                        const long size = sink->block_size_at[kappa[k] - 1];
-                        for (long e = 0; e < size; ++e) sink->gradient[kappa[k] - 1 + e] += (*row++)[0];
-                    }
+                const int* const kappa = sink.kappa + i * 4;
+                for (long k = 0; k < 2; ++k) {
+                    V rows[12];
+                    V b[3];  // one column; the others are not looked at
+                    for (long e = 0; e < 3; ++e) b[e] = splat(gradient[k * 3 + e][l]);
+                    yasps<both.v.x>_pull(p1, (long)p0[i * 2 + k], b, 1, rows);
+                    add_gradient_rows(sink, kappa, i, 4, k * 2, 2 + k * 2, rows);
                 }
                 (void)i;
             }
         }
-        if (!sink->tiles) continue;
-        const long changed = sink->project((double*)middle_of, 3, (int)(stop - start), sink->mode);
+        if (!sink.tiles) continue;
+        const long changed = sink.project((double*)middle_of, 3, (int)(stop - start), sink.mode);
         if (changed < 0) return start - changed - 1;
-        *sink->projected += changed;
+        *sink.projected += changed;
         for (long first = start, pack = 0; first < stop; first += 8, ++pack) {
             const long lanes = stop - first < 8 ? stop - first : 8;
             V* const middle = middle_of[pack];
@@ -213,8 +203,8 @@ extern "C" long yasps<both.pp.barrier.derivative>_derive(Arguments a, long begin
             lane_by_lane(hessian, 21, by_lane, 3);
             for (long l = 0; l < lanes; ++l) {
                 const long i = first + l;
-                const int* const kappa = sink->kappa + i * 4;
-                const long* const position = sink->position + i * 10;
+                const int* const kappa = sink.kappa + i * 4;
+                const long* const position = sink.position + i * 10;
                 const double* const triangle = (const double*)(by_lane + l * 3);
                 V rows0[3], left0[12];
                 copy_rows_of_triangle(triangle, 6, 0, 3, (double*)rows0, 8);

@@ -1,12 +1,9 @@
-// backend/kernel_prelude.h stands here
+// runtime/core/sink.h stands here
 
-extern "C" void yasps<stiff.v.x>_value(Arguments, long, double*);
-static inline long copy_rows(long rows, const V* b, long n, V* out) {
-    for (long k = 0; k < rows * n; ++k) out[k] = b[k];
-    return rows;
-}
+// backend/cpp/preludes/kernel.h stands here
 
-extern "C" long yasps<stiff.v.x.jacobian>_pull(Arguments, long, const V*, long, V*);
+extern "C" void yasps<stiff.v.x>_value(Arguments a, long i, double* out);
+extern "C" long yasps<stiff.v.x.jacobian>_pull(Arguments a, long i, const V* b, long n, V* out);
 extern "C" void yasps<both.v.x>_value(Arguments a, long i, double* out) {
     const long* const p0 = (const long*)a[0];
     const double* const p1 = (const double*)a[1];
@@ -23,8 +20,8 @@ extern "C" long yasps<both.v.x>_pull(Arguments a, long i, const V* b, long n, V*
     Arguments const p2 = (Arguments)a[2];
     const double* const p3 = (const double*)a[3];
     Arguments const p4 = (Arguments)a[4];
-    if (i < p0[1]) { const long j = i - p0[0]; (void)j; return copy_rows(3, b, n, out); }
-    if (i < p0[2]) { const long j = i - p0[1]; (void)j; return yasps<stiff.v.x.jacobian>_pull(p4, j, b, n, out); }
-    if (i < p0[3]) { const long j = i - p0[2]; (void)j; return 0; }
+    if (i < p0[1]) { return copy_rows(3, b, n, out); }
+    if (i < p0[2]) { const long j = i - p0[1]; return yasps<stiff.v.x.jacobian>_pull(p4, j, b, n, out); }
+    if (i < p0[3]) { return 0; }
     return 0;
 }

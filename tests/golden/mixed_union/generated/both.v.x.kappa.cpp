@@ -1,8 +1,10 @@
-// backend/kernel_prelude.h stands here
+// runtime/core/sink.h stands here
 
-extern "C" void yasps<soft.v.x.kappa>_value(Arguments, long, int*);
-extern "C" void yasps<stiff.v.x.kappa>_value(Arguments, long, int*);
-extern "C" void yasps<still.v.x.kappa>_value(Arguments, long, int*);
+// backend/cpp/preludes/kernel.h stands here
+
+extern "C" void yasps<soft.v.x.kappa>_value(Arguments a, long i, int* out);
+extern "C" void yasps<stiff.v.x.kappa>_value(Arguments a, long i, int* out);
+extern "C" void yasps<still.v.x.kappa>_value(Arguments a, long i, int* out);
 extern "C" void yasps<both.v.x.kappa>_value(Arguments a, long i, int* out) {
     const long* const p0 = (const long*)a[0];
     Arguments const p1 = (Arguments)a[1];

@@ -1,4 +1,6 @@
-// backend/kernel_prelude.h stands here
+// runtime/core/sink.h stands here
+
+// backend/cpp/preludes/kernel.h stands here
 
 extern "C" void yasps<soft.v.x.kappa>_value(Arguments a, long i, int* out) {
     const long* const p0 = (const long*)a[0];

@@ -1,4 +1,6 @@
-// backend/kernel_prelude.h stands here
+// runtime/core/sink.h stands here
+
+// backend/cpp/preludes/kernel.h stands here
 
 static inline void value_one(const double* x0, const double* x1, const double* x2, double* y0) {
     const double t15 = x1[0] * x2[0];

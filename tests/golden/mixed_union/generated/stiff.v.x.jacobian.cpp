@@ -1,4 +1,6 @@
-// backend/kernel_prelude.h stands here
+// runtime/core/sink.h stands here
+
+// backend/cpp/preludes/kernel.h stands here
 
 static inline void pull_back_pack(const V* x0, const V* x1, V* y0) {
     const V t6 = x0[0] * x1[0];

@@ -1,7 +1,9 @@
-// backend/kernel_prelude.h stands here
+// runtime/core/sink.h stands here
 
-extern "C" void yasps<soft.v.x.kappa>_value(Arguments, long, int*);
-extern "C" void yasps<stiff.body.A.kappa>_value(Arguments, long, int*);
+// backend/cpp/preludes/kernel.h stands here
+
+extern "C" void yasps<soft.v.x.kappa>_value(Arguments a, long i, int* out);
+extern "C" void yasps<stiff.body.A.kappa>_value(Arguments a, long i, int* out);
 static inline void value_index(const int* x0, const int* x1, int* y0) {
     y0[0] = x0[0];
     y0[1] = x1[0];

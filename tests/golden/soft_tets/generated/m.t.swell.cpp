@@ -1,4 +1,6 @@
-// backend/kernel_prelude.h stands here
+// runtime/core/sink.h stands here
+
+// backend/cpp/preludes/kernel.h stands here
 
 static inline void value_uniforms_one(const double* x0, double* y0) {
     y0[0] = x0[0];

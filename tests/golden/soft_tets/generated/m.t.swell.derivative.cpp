@@ -1,6 +1,8 @@
-// backend/kernel_prelude.h stands here
+// runtime/core/sink.h stands here
 
-// backend/scatter_prelude.h stands here
+// backend/cpp/preludes/kernel.h stands here
+
+// backend/cpp/preludes/scatter.h stands here
 
 static inline void pull_back_pack(const V* x0, V* y0) {
     const V t45 = x0[0] + x0[6];
@@ -423,17 +425,18 @@ static inline void derive_pack(const V* x0, const V* x1, V* y0, V* y1, V* y2, V*
     y3[8] = t185;
 }
 
-extern "C" long yasps<m.t.swell.derivative>_derive(Arguments a, long begin, long end, const yasps_sink* sink) {
+extern "C" long yasps<m.t.swell.derivative>_derive(Arguments a, long begin, long end, const yasps_sink* results) {
     const double* const p0 = (const double*)a[0];
     const int* const p1 = (const int*)a[1];
     const double* const p2 = (const double*)a[2];
+    const yasps_sink& sink = *results;
     double u0_one[2];
     derive_uniforms_one(p0, u0_one);
     V u0[2];
     for (long e = 0; e < 2; ++e) u0[e] = splat(u0_one[e]);
     V middle_of[16][45];
     V deformation_of[16][9];
-    const long most = sink->mode == 2 ? 8 : 128;
+    const long most = sink.mode == 2 ? 8 : 128;
     for (long start = begin; start < end; start += most) {
         const long stop = end - start < most ? end : start + most;
         for (long first = start, pack = 0; first < stop; first += 8, ++pack) {
@@ -455,18 +458,18 @@ extern "C" long yasps<m.t.swell.derivative>_derive(Arguments a, long begin, long
                     if (check[l] != 0.0) return first + l;
             for (long l = 0; l < lanes; ++l) {
                 const long i = first + l;
-                const int* const kappa = sink->kappa + i * 4;
-                add_gradient(sink->gradient + kappa[0] - 1, gradient + 0, l, 3);
-                add_gradient(sink->gradient + kappa[1] - 1, gradient + 3, l, 3);
-                add_gradient(sink->gradient + kappa[2] - 1, gradient + 6, l, 3);
-                add_gradient(sink->gradient + kappa[3] - 1, gradient + 9, l, 3);
+                const int* const kappa = sink.kappa + i * 4;
+                add_gradient(sink.gradient + kappa[0] - 1, gradient + 0, l, 3);
+                add_gradient(sink.gradient + kappa[1] - 1, gradient + 3, l, 3);
+                add_gradient(sink.gradient + kappa[2] - 1, gradient + 6, l, 3);
+                add_gradient(sink.gradient + kappa[3] - 1, gradient + 9, l, 3);
                 (void)i;
             }
         }
-        if (!sink->tiles) continue;
-        const long changed = sink->project_isotropic((double*)middle_of, (const double*)deformation_of, 9, (int)(stop - start), sink->mode);
+        if (!sink.tiles) continue;
+        const long changed = sink.project_isotropic((double*)middle_of, (const double*)deformation_of, 9, (int)(stop - start), sink.mode);
         if (changed < 0) return start - changed - 1;
-        *sink->projected += changed;
+        *sink.projected += changed;
         for (long first = start, pack = 0; first < stop; first += 8, ++pack) {
             const long lanes = stop - first < 8 ? stop - first : 8;
             V* const middle = middle_of[pack];
@@ -475,7 +478,7 @@ extern "C" long yasps<m.t.swell.derivative>_derive(Arguments a, long begin, long
             {
                 static const short entry[] = {0, 1, 2, 1, 12, 13, 2, 13, 23, 3, 4, 5, 14, 15, 16, 24, 25, 26, 6, 7, 8, 17, 18, 19, 27, 28, 29, 9, 10, 11, 20, 21, 22, 30, 31, 32, 33, 34, 35, 34, 42, 43, 35, 43, 50, 36, 37, 38, 44, 45, 46, 51, 52, 53, 39, 40, 41, 47, 48, 49, 54, 55, 56, 57, 58, 59, 58, 63, 64, 59, 64, 68, 60, 61, 62, 65, 66, 67, 69, 70, 71, 72, 73, 74, 73, 75, 76, 74, 76, 77};
                 static const short place[] = {0, 1, 2, 3, 4, 5, 6, 7, 8, 9};
-                const long* const position = sink->position + first * 10;
+                const long* const position = sink.position + first * 10;
                 add_packs_3x3(sink, position, 10, lanes, hessian, entry, place, 10);
             }
         }

@@ -1,6 +1,8 @@
-// backend/kernel_prelude.h stands here
+// runtime/core/sink.h stands here
 
-extern "C" void yasps<m.v.x.kappa>_value(Arguments, long, int*);
+// backend/cpp/preludes/kernel.h stands here
+
+extern "C" void yasps<m.v.x.kappa>_value(Arguments a, long i, int* out);
 static inline void value_index(const int* x0, int* y0) {
     y0[0] = x0[0];
     y0[1] = x0[1];

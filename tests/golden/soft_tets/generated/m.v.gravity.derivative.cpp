@@ -1,4 +1,10 @@
-// backend/kernel_prelude.h stands here
+// runtime/core/sink.h stands here
+
+// backend/cpp/preludes/kernel.h stands here
+
+static inline void derive_uniforms_one(const double* x0, double* y0) {
+    y0[0] = x0[0];
+}
 
 static inline void derive_pack(const V* x0, const V* x1, V* y0, V* y1) {
     const V t3 = x1[0] * x0[0];
@@ -8,14 +14,11 @@ static inline void derive_pack(const V* x0, const V* x1, V* y0, V* y1) {
     y1[2] = splat(0.0);
 }
 
-static inline void derive_uniforms_one(const double* x0, double* y0) {
-    y0[0] = x0[0];
-}
-
-extern "C" long yasps<m.v.gravity.derivative>_derive(Arguments a, long begin, long end, const yasps_sink* sink) {
+extern "C" long yasps<m.v.gravity.derivative>_derive(Arguments a, long begin, long end, const yasps_sink* results) {
     const double* const p0 = (const double*)a[0];
     const double* const p1 = (const double*)a[1];
     const double* const p2 = (const double*)a[2];
+    const yasps_sink& sink = *results;
     double u0_one[1];
     derive_uniforms_one(p0, u0_one);
     V u0[1];
@@ -38,8 +41,8 @@ extern "C" long yasps<m.v.gravity.derivative>_derive(Arguments a, long begin, lo
                 if (check[l] != 0.0) return first + l;
         for (long l = 0; l < lanes; ++l) {
             const long i = first + l;
-            const int* const kappa = sink->kappa + i * 1;
-            add_gradient(sink->gradient + kappa[0] - 1, gradient + 0, l, 3);
+            const int* const kappa = sink.kappa + i * 1;
+            add_gradient(sink.gradient + kappa[0] - 1, gradient + 0, l, 3);
             (void)i;
         }
     }

@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 
 from yasps import CompilationError
-from yasps.backend.cuda.object import BLOCKS_AT_ONCE, THREADS
+from yasps.backend.cuda.object import BLOCKS_AT_ONCE
 from yasps.runtime.build.cuda.nvcc import CudaNotFoundError, find_nvcc
 from yasps.runtime.build.cuda.toolchain import (
     CudaToolchain,
@@ -22,6 +22,7 @@ from yasps.runtime.build.cuda.toolchain import (
     link_program,
 )
 from yasps.runtime.build.toolchain import Source
+from yasps.runtime.core import sink
 
 ARCHITECTURES = ("sm_80", "sm_89", "sm_90", "sm_120")
 
@@ -181,14 +182,14 @@ def crowded(head: str) -> str:
 @pytest.mark.usefixtures("cache")
 def test_functions_have_as_many_registers_as_their_callers_may(cuda: CudaToolchain) -> None:
     """Else the linker refuses the call: a kernel of 4 blocks at once has 128 at most."""
-    bounds = f"__launch_bounds__({THREADS}, {BLOCKS_AT_ONCE})"
+    bounds = f"__launch_bounds__({sink.THREADS}, {BLOCKS_AT_ONCE})"
     caller = f"""extern "C" __device__ void crowded(double* p, int n);
 extern "C" __global__ void {bounds} caller(double* p, int n) {{ crowded(p, n); }}
 """
     sources = [Source("caller", caller), Source("crowded", crowded("__device__ void crowded"))]
     for modules, runtime in ((sources, []), (sources[:1], sources[1:])):
         row = build_program(cuda, modules, runtime).rows[0]
-        assert 100 < row.registers <= 65536 // (THREADS * BLOCKS_AT_ONCE) == 128
+        assert 100 < row.registers <= 65536 // (sink.THREADS * BLOCKS_AT_ONCE) == 128
 
 
 @pytest.mark.usefixtures("cache")
