@@ -145,7 +145,7 @@ def test_every_dumped_stage_parses_back(dump: Path) -> None:
 
 def test_the_dump_shows_what_the_text_says(dump: Path) -> None:
     differentiated = (dump / "06-differentiate.mlir").read_text(encoding="utf-8")
-    (cut,) = re.findall(r"%\d+ = mat.constant \{value = dense<(.*?)> : tensor<3x6xf64>\}", differentiated)
+    (cut,) = re.findall(r"%\d+ = mat.constant (.*?) : 3x6", differentiated)
     rows = [[float(v) for v in row.split(",")] for row in cut.strip("[]").split("], [")]
     assert rows == [[-1, 0, 0, 1, 0, 0], [0, -1, 0, 0, 1, 0], [0, 0, -1, 0, 0, 1]]
     assert "mat." not in (dump / "10-lower-to-scalar.mlir").read_text(encoding="utf-8").replace("format.", "")

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import abc
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any, ClassVar, cast
+from typing import TYPE_CHECKING, Any, ClassVar, Self, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,10 +17,13 @@ from xdsl.dialects.builtin import (
 )
 from xdsl.interfaces import HasFolderInterface
 from xdsl.ir import Attribute, OpResult, SSAValue
-from xdsl.irdl import IRDLOperation, ParsePropInAttrDict, result_def, traits_def, var_operand_def
+from xdsl.irdl import IRDLOperation, result_def, traits_def, var_operand_def
+from xdsl.parser import Parser
+from xdsl.printer import Printer
 from xdsl.traits import Pure
 from xdsl.utils.exceptions import VerifyException
 
+from yasps.dialects.mat.syntax import parse_type, parse_values, print_type, print_values
 from yasps.dialects.scalar.graph import Node, ScalarGraph
 
 if TYPE_CHECKING:
@@ -75,8 +78,6 @@ class MatOp(IRDLOperation, HasFolderInterface, abc.ABC):
     inputs = var_operand_def()
     result = result_def()
     traits = traits_def(Pure())
-    irdl_options = (ParsePropInAttrDict(),)
-    assembly_format = "$inputs attr-dict `:` functional-type(operands, results)"
 
     ARITY: ClassVar[int | None] = None
     """Number of operands; None means any number from one."""
@@ -96,6 +97,49 @@ class MatOp(IRDLOperation, HasFolderInterface, abc.ABC):
     def word(cls) -> str:
         """The operation's name without its dialect."""
         return cls.name.removeprefix("mat.")
+
+    # -- syntax --------------------------------------------------------------------------------------------
+
+    def print(self, printer: Printer) -> None:
+        """`mat.sub %b, %a : 1x3`: what `print_inner` prints, and the type of the result."""
+        printer.print_string(" ")
+        self.print_inner(printer)
+        printer.print_op_attributes(self.attributes)
+        printer.print_string(" : ")
+        print_type(printer, self.result.type)
+
+    @classmethod
+    def parse(cls, parser: Parser) -> Self:
+        """Parses what `print` prints; raises ParseError."""
+        operands, given = cls.parse_inner(parser)
+        attributes = parser.parse_optional_attr_dict()
+        parser.parse_punctuation(":")
+        position = parser.pos
+        type_ = parse_type(parser)
+        if not is_matrix_type(type_):
+            parser.raise_error(f"{cls.name} gives a matrix of 1 to {MOST_ENTRIES} entries", position, parser.pos)
+        properties = cls.properties_of(given, cast(Matrix, type_))
+        return cls.create(operands=operands, result_types=[type_], properties=properties, attributes=attributes)
+
+    def print_inner(self, printer: Printer) -> None:
+        """Prints operands and properties. An operation that writes its properties in words has its own."""
+        print_values(printer, self.operands)
+        if self.properties:
+            printer.print_string(" ")
+            printer.print_attr_dict(self.properties)
+
+    @classmethod
+    def parse_inner(cls, parser: Parser) -> tuple[list[SSAValue], dict[str, Any]]:
+        """Parses what `print_inner` prints: the operands, and what `properties_of` makes the properties of."""
+        values = parse_values(parser)
+        has_properties = bool(cls.get_irdl_definition().properties)
+        return values, parser.parse_optional_attr_dict() if has_properties else {}
+
+    @classmethod
+    def properties_of(cls, given: dict[str, Any], type_: Matrix) -> dict[str, Attribute]:
+        """The properties, of what `parse_inner` found and the type of the result."""
+        del type_
+        return given
 
     # -- shape law -----------------------------------------------------------------------------------------
 

@@ -7,7 +7,7 @@ from typing import cast
 
 import numpy as np
 from numpy.typing import ArrayLike
-from xdsl.dialects.builtin import DenseArrayBase, Float64Type, FloatAttr, IntegerAttr, IntegerType, StringAttr, f64, i64
+from xdsl.dialects.builtin import Float64Type, FloatAttr, IntegerAttr, IntegerType, StringAttr, f64, i64
 from xdsl.ir import Attribute, Block, Operation, SSAValue
 
 from yasps.dialects.mat import algebra, calculus, comparison, elementwise, structure, trigonometry
@@ -78,7 +78,7 @@ class MatBuilder:
         return self.constant(np.zeros(shape), element)
 
     def identity(self, size: int) -> SSAValue:
-        return self.emit(structure.IdentityOp, [], {"size": _integers((size,))}, f64)
+        return self.emit(structure.IdentityOp, [], {"size": structure.integers((size,))}, f64)
 
     def unit(self, shape: Shape, position: int) -> SSAValue:
         """Zeros with a one at this row-major position."""
@@ -204,7 +204,7 @@ class MatBuilder:
     # -- structure -----------------------------------------------------------------------------------------
 
     def reshape(self, a: SSAValue, shape: Shape) -> SSAValue:
-        return self.emit(structure.ReshapeOp, [a], {"shape": _integers(shape)})
+        return self.emit(structure.ReshapeOp, [a], {"shape": structure.integers(shape)})
 
     def flat(self, a: SSAValue) -> SSAValue:
         """All entries, row-major, as one column."""
@@ -212,20 +212,16 @@ class MatBuilder:
         return self.reshape(a, (rows * cols, 1))
 
     def block(self, a: SSAValue, row: int, col: int, rows: int, cols: int) -> SSAValue:
-        return self.emit(structure.BlockOp, [a], {"block": _integers((row, col, rows, cols))})
+        return self.emit(structure.BlockOp, [a], {"block": structure.integers((row, col, rows, cols))})
 
     def row(self, a: SSAValue, index: int) -> SSAValue:
         return self.block(a, index, 0, 1, shape_of(a)[1])
 
     def embed(self, a: SSAValue, row: int, col: int, shape: Shape) -> SSAValue:
-        return self.emit(structure.EmbedOp, [a], {"place": _integers((row, col, *shape))})
+        return self.emit(structure.EmbedOp, [a], {"place": structure.integers((row, col, *shape))})
 
     def concat_rows(self, parts: Sequence[SSAValue]) -> SSAValue:
         return self.emit(structure.ConcatRowsOp, parts)
 
     def concat_cols(self, parts: Sequence[SSAValue]) -> SSAValue:
         return self.emit(structure.ConcatColsOp, parts)
-
-
-def _integers(values: Sequence[int]) -> DenseArrayBase[IntegerType]:
-    return DenseArrayBase.from_list(i64, list(values))

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from functools import cache
-from typing import TYPE_CHECKING, ClassVar, cast
+from typing import TYPE_CHECKING, Any, ClassVar, cast
 
 import numpy as np
 from xdsl.dialects.builtin import StringAttr
 from xdsl.ir import Attribute, SSAValue
 from xdsl.irdl import irdl_op_definition, prop_def
+from xdsl.parser import Parser
+from xdsl.printer import Printer
 
 from yasps.dialects.mat.base import (
     Batch,
@@ -24,6 +26,7 @@ from yasps.dialects.mat.base import (
     spell,
     square,
 )
+from yasps.dialects.mat.syntax import parse_value, print_values
 from yasps.dialects.scalar.graph import Node, ScalarGraph
 
 if TYPE_CHECKING:
@@ -192,6 +195,25 @@ class ProjectPsdOp(MatOp):
     name = "mat.project_psd"
     DIFFERENTIABLE: ClassVar = False
     mode = prop_def(StringAttr)
+
+    def print_inner(self, printer: Printer) -> None:
+        """`mat.project_psd %h mode "clamp" isotropic in %f : 9x9`."""
+        print_values(printer, self.operands[:1])
+        printer.print_string(" mode ")
+        printer.print_string_literal(self.mode.data)
+        if len(self.operands) > 1:
+            printer.print_string(" isotropic in ")
+            print_values(printer, self.operands[1:])
+
+    @classmethod
+    def parse_inner(cls, parser: Parser) -> tuple[list[SSAValue], dict[str, Any]]:
+        operands = [parse_value(parser)]
+        parser.parse_keyword("mode")
+        mode = StringAttr(parser.parse_str_literal())
+        if parser.parse_optional_keyword("isotropic"):
+            parser.parse_keyword("in")
+            operands.append(parse_value(parser))
+        return operands, {"mode": mode}
 
     @classmethod
     def infer(cls, shapes: Sequence[Shape], properties: dict[str, Attribute]) -> Shape:

@@ -12,16 +12,19 @@ from __future__ import annotations
 
 import abc
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, ClassVar, cast
+from typing import TYPE_CHECKING, Any, ClassVar, cast
 
 import numpy as np
 from numpy.typing import NDArray
 from xdsl.dialects.builtin import StringAttr
 from xdsl.ir import Attribute, SSAValue
 from xdsl.irdl import irdl_op_definition, prop_def
+from xdsl.parser import Parser
+from xdsl.printer import Printer
 
 from yasps.dialects.mat.base import Batch, MatOp, Shape, ShapeError, constant_value, same_shapes, shape_of, spell
 from yasps.dialects.mat.elementwise import EntrywiseFunction
+from yasps.dialects.mat.syntax import parse_values, print_values
 from yasps.dialects.scalar.graph import Node, ScalarGraph
 
 if TYPE_CHECKING:
@@ -73,6 +76,17 @@ class CompareOp(MatOp):
     ARITY: ClassVar = 2
     HELD_CONSTANT: ClassVar = True
     predicate = prop_def(StringAttr)
+
+    def print_inner(self, printer: Printer) -> None:
+        """`mat.compare lt %a, %b : 1x1`."""
+        printer.print_identifier_or_string_literal(self.predicate.data)
+        printer.print_string(" ")
+        print_values(printer, self.operands)
+
+    @classmethod
+    def parse_inner(cls, parser: Parser) -> tuple[list[SSAValue], dict[str, Any]]:
+        predicate = StringAttr(parser.parse_identifier_or_str_literal())
+        return parse_values(parser), {"predicate": predicate}
 
     @classmethod
     def infer(cls, shapes: Sequence[Shape], properties: dict[str, Attribute]) -> Shape:

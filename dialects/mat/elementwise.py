@@ -4,13 +4,16 @@ from __future__ import annotations
 
 import abc
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, ClassVar, cast
+from typing import TYPE_CHECKING, Any, ClassVar, cast
 
-from xdsl.dialects.builtin import FloatAttr
+from xdsl.dialects.builtin import FloatAttr, f64
 from xdsl.ir import Attribute, SSAValue
 from xdsl.irdl import irdl_op_definition, prop_def
+from xdsl.parser import Parser
+from xdsl.printer import Printer
 
 from yasps.dialects.mat.base import Batch, MatOp, Shape, ShapeError, is_one, is_zero, same_shapes, spell
+from yasps.dialects.mat.syntax import parse_number, parse_value, print_values, spelled
 from yasps.dialects.scalar.functions import FUNCTIONS, ScalarFunction
 from yasps.dialects.scalar.graph import Node, ScalarGraph
 
@@ -281,6 +284,17 @@ class PowOp(EntrywiseFunction):
 
     name = "mat.pow"
     exponent = prop_def(FloatAttr)
+
+    def print_inner(self, printer: Printer) -> None:
+        """`mat.pow %a exponent 2.0 : 1x1`."""
+        print_values(printer, self.operands)
+        printer.print_string(f" exponent {spelled(self.power)}")
+
+    @classmethod
+    def parse_inner(cls, parser: Parser) -> tuple[list[SSAValue], dict[str, Any]]:
+        operand = parse_value(parser)
+        parser.parse_keyword("exponent")
+        return [operand], {"exponent": FloatAttr(float(parse_number(parser)), f64)}
 
     @property
     def power(self) -> float:

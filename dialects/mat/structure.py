@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, ClassVar, cast
+from typing import TYPE_CHECKING, Any, ClassVar, cast
 
 import numpy as np
-from xdsl.dialects.builtin import DenseArrayBase, DenseIntOrFPElementsAttr, Float64Type, IntegerType
+from xdsl.dialects.builtin import DenseArrayBase, DenseIntOrFPElementsAttr, Float64Type, IntegerType, i64
 from xdsl.ir import Attribute, SSAValue
 from xdsl.irdl import irdl_op_definition, prop_def
+from xdsl.parser import Parser
+from xdsl.printer import Printer
 
 from yasps.dialects.mat.base import (
     Batch,
@@ -21,6 +23,7 @@ from yasps.dialects.mat.base import (
     shape_of,
     spell,
 )
+from yasps.dialects.mat.syntax import parse_integers, parse_numbers, parse_value, print_numbers, print_values
 from yasps.dialects.scalar.graph import Node, ScalarGraph
 
 if TYPE_CHECKING:
@@ -35,6 +38,11 @@ def _integers(properties: dict[str, Attribute], name: str, count: int) -> tuple[
     return values
 
 
+def integers(values: Sequence[int]) -> DenseArrayBase[IntegerType]:
+    """The property of an operation that takes integers."""
+    return DenseArrayBase.from_list(i64, list(values))
+
+
 @irdl_op_definition
 class ConstantOp(MatOp):
     """A matrix of numbers."""
@@ -42,6 +50,21 @@ class ConstantOp(MatOp):
     name = "mat.constant"
     ARITY: ClassVar = 0
     value = prop_def(DenseIntOrFPElementsAttr)
+
+    def print_inner(self, printer: Printer) -> None:
+        """`mat.constant [[1.0, 0.0]] : 1x2`, or one number for all entries."""
+        print_numbers(printer, self.entries())
+
+    @classmethod
+    def parse_inner(cls, parser: Parser) -> tuple[list[SSAValue], dict[str, Any]]:
+        return [], {"entries": parse_numbers(parser), "fail": parser.raise_error}
+
+    @classmethod
+    def properties_of(cls, given: dict[str, Any], type_: Matrix) -> dict[str, Attribute]:
+        entries = given["entries"]
+        if entries.shape not in ((1, 1), type_.get_shape()):
+            given["fail"](f"numbers for {spell(entries.shape)}, but a type of {spell(_shape(type_))}")
+        return {"value": dense(np.broadcast_to(entries, _shape(type_)), type_)}
 
     @classmethod
     def infer(cls, shapes: Sequence[Shape], properties: dict[str, Attribute]) -> Shape:
@@ -76,6 +99,17 @@ class IdentityOp(MatOp):
     ARITY: ClassVar = 0
     size = prop_def(DenseArrayBase)
 
+    def print_inner(self, printer: Printer) -> None:
+        """`mat.identity : 3x3`."""
+
+    @classmethod
+    def parse_inner(cls, parser: Parser) -> tuple[list[SSAValue], dict[str, Any]]:
+        return [], {}
+
+    @classmethod
+    def properties_of(cls, given: dict[str, Any], type_: Matrix) -> dict[str, Attribute]:
+        return {"size": integers(_shape(type_)[:1])}
+
     @classmethod
     def infer(cls, shapes: Sequence[Shape], properties: dict[str, Attribute]) -> Shape:
         (size,) = _integers(properties, "size", 1)
@@ -107,6 +141,18 @@ class ReshapeOp(MatOp):
     name = "mat.reshape"
     ARITY: ClassVar = 1
     shape = prop_def(DenseArrayBase)
+
+    def print_inner(self, printer: Printer) -> None:
+        """`mat.reshape %a : 9x1`."""
+        print_values(printer, self.operands)
+
+    @classmethod
+    def parse_inner(cls, parser: Parser) -> tuple[list[SSAValue], dict[str, Any]]:
+        return [parse_value(parser)], {}
+
+    @classmethod
+    def properties_of(cls, given: dict[str, Any], type_: Matrix) -> dict[str, Attribute]:
+        return {"shape": integers(_shape(type_))}
 
     @classmethod
     def infer(cls, shapes: Sequence[Shape], properties: dict[str, Attribute]) -> Shape:
@@ -149,6 +195,18 @@ class BlockOp(MatOp):
     name = "mat.block"
     ARITY: ClassVar = 1
     block = prop_def(DenseArrayBase)
+
+    def print_inner(self, printer: Printer) -> None:
+        """`mat.block %a[row, col] : 1x3`."""
+        _print_at(printer, self.operands[0], self.bounds[:2])
+
+    @classmethod
+    def parse_inner(cls, parser: Parser) -> tuple[list[SSAValue], dict[str, Any]]:
+        return _parse_at(parser)
+
+    @classmethod
+    def properties_of(cls, given: dict[str, Any], type_: Matrix) -> dict[str, Attribute]:
+        return {"block": integers([*given["corner"], *_shape(type_)])}
 
     @classmethod
     def infer(cls, shapes: Sequence[Shape], properties: dict[str, Attribute]) -> Shape:
@@ -209,6 +267,18 @@ class EmbedOp(MatOp):
     name = "mat.embed"
     ARITY: ClassVar = 1
     place = prop_def(DenseArrayBase)
+
+    def print_inner(self, printer: Printer) -> None:
+        """`mat.embed %a[row, col] : 3x4`."""
+        _print_at(printer, self.operands[0], self.corner)
+
+    @classmethod
+    def parse_inner(cls, parser: Parser) -> tuple[list[SSAValue], dict[str, Any]]:
+        return _parse_at(parser)
+
+    @classmethod
+    def properties_of(cls, given: dict[str, Any], type_: Matrix) -> dict[str, Attribute]:
+        return {"place": integers([*given["corner"], *_shape(type_)])}
 
     @classmethod
     def infer(cls, shapes: Sequence[Shape], properties: dict[str, Attribute]) -> Shape:
@@ -322,6 +392,25 @@ class ConcatColsOp(_ConcatOp):
                 cols = shape_of(operand)[1]
                 entries.extend(part[i * cols : (i + 1) * cols])
         return entries
+
+
+def _shape(type_: Matrix) -> Shape:
+    rows, cols = type_.get_shape()
+    return rows, cols
+
+
+def _print_at(printer: Printer, value: SSAValue, corner: tuple[int, int]) -> None:
+    print_values(printer, [value])
+    printer.print_string(f"[{corner[0]}, {corner[1]}]")
+
+
+def _parse_at(parser: Parser) -> tuple[list[SSAValue], dict[str, Any]]:
+    value = parse_value(parser)
+    position = parser.pos
+    corner = parse_integers(parser)
+    if len(corner) != 2:
+        parser.raise_error("a row and a column are needed", position, parser.pos)
+    return [value], {"corner": corner}
 
 
 def constant_of(values: Batch, type_: Matrix) -> ConstantOp:

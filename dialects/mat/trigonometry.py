@@ -4,15 +4,18 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, ClassVar, cast
+from typing import TYPE_CHECKING, Any, ClassVar, cast
 
 import numpy as np
-from xdsl.dialects.builtin import IntegerAttr
+from xdsl.dialects.builtin import IntegerAttr, i64
 from xdsl.ir import Attribute, SSAValue
 from xdsl.irdl import irdl_op_definition, prop_def
+from xdsl.parser import Parser
+from xdsl.printer import Printer
 
 from yasps.dialects.mat.base import Batch, MatOp, Shape, ShapeError, same_shapes
 from yasps.dialects.mat.elementwise import EntrywiseFunction
+from yasps.dialects.mat.syntax import parse_values, print_values
 from yasps.dialects.scalar.graph import Node, ScalarGraph
 
 if TYPE_CHECKING:
@@ -140,6 +143,16 @@ class StumpffOp(EntrywiseFunction):
 
     name = "mat.stumpff"
     order = prop_def(IntegerAttr)
+
+    def print_inner(self, printer: Printer) -> None:
+        """`mat.stumpff 3 %s : 1x1`."""
+        printer.print_string(f"{self.order.value.data} ")
+        print_values(printer, self.operands)
+
+    @classmethod
+    def parse_inner(cls, parser: Parser) -> tuple[list[SSAValue], dict[str, Any]]:
+        order = IntegerAttr(parser.parse_integer(), i64)
+        return parse_values(parser), {"order": order}
 
     @property
     def k(self) -> int:

@@ -1,11 +1,12 @@
 """The `rel` dialect: a scene as a relational program (architecture, section 3; paper, section 4).
 
-`declarations` holds what stands in a scene, `body` what stands in the body of an attribute, `laws` what must hold.
+`declarations` holds what stands in a scene, `body` what stands in the body of an attribute and
+`terminators` what ends one, `laws` what must hold.
 """
 
 from xdsl.ir import Dialect
 
-from yasps.dialects.rel import body, declarations
+from yasps.dialects.rel import body, declarations, terminators
 from yasps.dialects.rel.body import (
     ApplyOp,
     DataOp,
@@ -15,11 +16,6 @@ from yasps.dialects.rel.body import (
     RefOp,
     TargetIndexOp,
     UnionOp,
-    YieldCurvatureOp,
-    YieldDerivativeOp,
-    YieldJacobianOp,
-    YieldOp,
-    packed_size,
 )
 from yasps.dialects.rel.declarations import (
     PROJECTIONS,
@@ -41,8 +37,15 @@ from yasps.dialects.rel.declarations import (
     symbol,
 )
 from yasps.dialects.rel.laws import Scope
+from yasps.dialects.rel.terminators import (
+    YieldCurvatureOp,
+    YieldDerivativeOp,
+    YieldJacobianOp,
+    YieldOp,
+    packed_size,
+)
 
-Rel = Dialect("rel", [*declarations.OPS, *body.OPS], [])
+Rel = Dialect("rel", [*declarations.OPS, *body.OPS, *terminators.OPS], [])
 
 __all__ = [
     "PROJECTIONS",

@@ -1,14 +1,13 @@
-"""`rel` operations inside bodies: the boundary nodes of the paper (5.3), calls of scalar functions, and terminators."""
+"""`rel` operations inside bodies: the boundary nodes of the paper (5.3) and calls of scalar functions."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import cast
+from typing import Self, cast
 
 from xdsl.dialects.builtin import ArrayAttr, IntegerAttr, IntegerType, StringAttr, SymbolRefAttr, UnitAttr, i64
 from xdsl.ir import Attribute, SSAValue
 from xdsl.irdl import (
-    AttrSizedOperandSegments,
     IRDLOperation,
     ParsePropInAttrDict,
     irdl_op_definition,
@@ -21,12 +20,17 @@ from xdsl.irdl import (
     var_operand_def,
     var_result_def,
 )
-from xdsl.traits import IsTerminator, Pure
+from xdsl.parser import Parser
+from xdsl.printer import Printer
+from xdsl.traits import Pure
 from xdsl.utils.exceptions import VerifyException
 
-from yasps.dialects.mat import Matrix, matrix_type, shape_of, spell
+from yasps.dialects.mat import Matrix, matrix_type, shape_of
 from yasps.dialects.mat.calculus import ISOTROPIC_WIDTHS, PROJECTION_MODES
+from yasps.dialects.mat.syntax import parse_type, parse_value, parse_values, print_type, print_values
 from yasps.dialects.rel.declarations import symbol
+from yasps.dialects.rel.syntax import ResultType
+from yasps.dialects.rel.terminators import packed_size
 
 JOIN_OPERATIONS = ("sum", "mean")
 
@@ -37,6 +41,7 @@ class ReadOp(IRDLOperation):
     result = result_def()
     traits = traits_def(Pure())
     irdl_options = (ParsePropInAttrDict(),)
+    custom_directives = (ResultType,)
 
     @property
     def matrix_type(self) -> Matrix:
@@ -49,7 +54,7 @@ class DataOp(ReadOp):
 
     name = "rel.data"
     storage = prop_def(SymbolRefAttr)
-    assembly_format = "$storage attr-dict `:` type($result)"
+    assembly_format = "$storage attr-dict `:` custom<ResultType>(type($result))"
 
     def __init__(self, storage: str, type_: Matrix) -> None:
         super().__init__(properties={"storage": symbol(storage)}, result_types=[type_])
@@ -61,7 +66,7 @@ class RefOp(ReadOp):
 
     name = "rel.ref"
     attribute = prop_def(SymbolRefAttr)
-    assembly_format = "$attribute attr-dict `:` type($result)"
+    assembly_format = "$attribute attr-dict `:` custom<ResultType>(type($result))"
 
     def __init__(self, attribute: str, type_: Matrix) -> None:
         super().__init__(properties={"attribute": symbol(attribute)}, result_types=[type_])
@@ -79,7 +84,9 @@ class JoinOp(ReadOp):
     source = prop_def(SymbolRefAttr)
     connectivity = prop_def(SymbolRefAttr)
     operation = opt_prop_def(StringAttr)
-    assembly_format = "$source `through` $connectivity (`operation` $operation^)? attr-dict `:` type($result)"
+    assembly_format = (
+        "$source `through` $connectivity (`operation` $operation^)? attr-dict `:` custom<ResultType>(type($result))"
+    )
 
     def __init__(self, source: str, connectivity: str, type_: Matrix, operation: str | None = None) -> None:
         properties: dict[str, Attribute] = {"source": symbol(source), "connectivity": symbol(connectivity)}
@@ -106,7 +113,7 @@ class UnionOp(ReadOp):
 
     name = "rel.union"
     members = prop_def(ArrayAttr[SymbolRefAttr])
-    assembly_format = "$members attr-dict `:` type($result)"
+    assembly_format = "$members attr-dict `:` custom<ResultType>(type($result))"
 
     def __init__(self, members: Sequence[str], type_: Matrix) -> None:
         super().__init__(properties={"members": ArrayAttr([symbol(m) for m in members])}, result_types=[type_])
@@ -118,7 +125,7 @@ class TargetIndexOp(ReadOp):
 
     name = "rel.target_index"
     target = prop_def(SymbolRefAttr)
-    assembly_format = "$target attr-dict `:` type($result)"
+    assembly_format = "$target attr-dict `:` custom<ResultType>(type($result))"
 
     def __init__(self, target: str) -> None:
         super().__init__(properties={"target": symbol(target)}, result_types=[matrix_type((1, 1), IntegerType(32))])
@@ -137,10 +144,6 @@ class ApplyOp(IRDLOperation):
     inputs = var_operand_def()
     values = var_result_def()
     traits = traits_def(Pure())
-    irdl_options = (ParsePropInAttrDict(),)
-    assembly_format = (
-        "$function `(` $inputs `)` (`uniform` $uniform^)? attr-dict `:` functional-type(operands, results)"
-    )
 
     def __init__(
         self, function: str, inputs: Sequence[SSAValue], result_types: Sequence[Matrix], *, uniform: bool = False
@@ -153,6 +156,31 @@ class ApplyOp(IRDLOperation):
     def verify_(self) -> None:
         if self.uniform is not None and not all(isinstance(value.owner, DataOp) for value in self.inputs):
             raise VerifyException("a uniform call reads stored numbers only")
+
+    def print(self, printer: Printer) -> None:
+        """`rel.apply @f(%a, %b) uniform : 1x1, 6x1`."""
+        printer.print_string(" ")
+        printer.print_attribute(self.function)
+        with printer.in_parens():
+            print_values(printer, self.inputs)
+        if self.uniform is not None:
+            printer.print_string(" uniform")
+        printer.print_op_attributes(self.attributes)
+        printer.print_string(" : ")
+        printer.print_list(self.result_types, lambda type_: print_type(printer, type_))
+
+    @classmethod
+    def parse(cls, parser: Parser) -> Self:
+        """Parses what `print` prints; raises ParseError."""
+        properties: dict[str, Attribute] = {"function": SymbolRefAttr(parser.parse_symbol_name())}
+        with parser.in_parens():
+            inputs = parse_values(parser)
+        if parser.parse_optional_keyword("uniform"):
+            properties["uniform"] = UnitAttr()
+        attributes = parser.parse_optional_attr_dict()
+        parser.parse_punctuation(":")
+        types = parser.parse_comma_separated_list(parser.Delimiter.NONE, lambda: parse_type(parser))
+        return cls.create(operands=inputs, properties=properties, result_types=types, attributes=attributes)
 
 
 @irdl_op_definition
@@ -170,11 +198,6 @@ class ProjectOp(IRDLOperation):
     width = prop_def(IntegerAttr)
     mode = prop_def(StringAttr)
     traits = traits_def(Pure())
-    irdl_options = (ParsePropInAttrDict(),)
-    assembly_format = (
-        "$packed `width` $width `mode` $mode (`isotropic` `in` $deformation^ `:` type($deformation))? attr-dict "
-        "`:` type($packed) `->` type($result)"
-    )
 
     def __init__(self, packed: SSAValue, width: int, mode: str, deformation: SSAValue | None = None) -> None:
         super().__init__(
@@ -196,122 +219,40 @@ class ProjectOp(IRDLOperation):
         if self.mode.data not in PROJECTION_MODES:
             raise VerifyException(f"mode must be one of {', '.join(PROJECTION_MODES)}, got {self.mode.data!r}")
 
+    def print(self, printer: Printer) -> None:
+        """`rel.project %s width 9 mode "clamp" isotropic in %f : 45x1`."""
+        printer.print_string(" ")
+        print_values(printer, [self.packed])
+        printer.print_string(f" width {self.width.value.data} mode ")
+        printer.print_string_literal(self.mode.data)
+        if self.deformation is not None:
+            printer.print_string(" isotropic in ")
+            print_values(printer, [self.deformation])
+        printer.print_op_attributes(self.attributes)
+        printer.print_string(" : ")
+        print_type(printer, self.result.type)
 
-def packed_size(width: int) -> int:
-    """Entries in the upper triangle of a width x width matrix."""
-    return width * (width + 1) // 2
-
-
-@irdl_op_definition
-class YieldOp(IRDLOperation):
-    """The value of an attribute."""
-
-    name = "rel.yield"
-    value = operand_def()
-    traits = traits_def(IsTerminator())
-    irdl_options = (ParsePropInAttrDict(),)
-    assembly_format = "$value attr-dict `:` type($value)"
-
-    def __init__(self, value: SSAValue) -> None:
-        super().__init__(operands=[value])
-
-
-def _total(values: Sequence[SSAValue]) -> int:
-    return sum(shape_of(v)[0] * shape_of(v)[1] for v in values)
-
-
-@irdl_op_definition
-class YieldDerivativeOp(IRDLOperation):
-    """An energy (1x1), its gradient (n x 1) and Hessian with respect to the n entries of the boundary inputs `wrt`.
-
-    A missing Hessian is zero: the energy is affine. After `lower-to-scalar` the Hessian is the packed upper triangle.
-    The energy is there to be checked together with its derivatives, which may be finite where it is not. So of an
-    affine one it is the part without the inputs, and `lower-to-scalar` makes it cheaper: see
-    passes/calculus/finite_check.py.
-    """
-
-    name = "rel.yield_derivative"
-    energy = operand_def()
-    gradient = operand_def()
-    hessian = opt_operand_def()
-    wrt = var_operand_def()
-    traits = traits_def(IsTerminator())
-    irdl_options = (ParsePropInAttrDict(), AttrSizedOperandSegments(as_property=True))
-    assembly_format = (
-        "$energy `:` type($energy) `gradient` $gradient `:` type($gradient) (`hessian` $hessian^ `:` type($hessian))? "
-        "`wrt` $wrt `:` type($wrt) attr-dict"
-    )
-
-    def __init__(self, energy: SSAValue, gradient: SSAValue, hessian: SSAValue | None, wrt: Sequence[SSAValue]) -> None:
-        super().__init__(operands=[[energy], [gradient], [] if hessian is None else [hessian], list(wrt)])
-
-    def verify_(self) -> None:
-        count = _total(self.wrt)
-        if shape_of(self.energy) != (1, 1):
-            raise VerifyException(f"an energy is 1x1, got {spell(shape_of(self.energy))}")
-        if shape_of(self.gradient) != (count, 1):
-            raise VerifyException(
-                f"the gradient with respect to {count} entries is {count}x1, got {spell(shape_of(self.gradient))}"
-            )
-        if self.hessian is not None and shape_of(self.hessian) not in ((count, count), (packed_size(count), 1)):
-            raise VerifyException(
-                f"the Hessian with respect to {count} entries is {count}x{count} (or its packed upper triangle), "
-                f"got {spell(shape_of(self.hessian))}"
-            )
-
-
-@irdl_op_definition
-class YieldJacobianOp(IRDLOperation):
-    """Jacobian (p x q): p entries of the attribute by q entries of the boundary inputs `wrt`.
-
-    After `lower-to-scalar` it is J^T v (q x 1) for the cotangent v the body takes as its argument.
-    """
-
-    name = "rel.yield_jacobian"
-    jacobian = operand_def()
-    wrt = var_operand_def()
-    traits = traits_def(IsTerminator())
-    irdl_options = (ParsePropInAttrDict(),)
-    assembly_format = "$jacobian `:` type($jacobian) `wrt` $wrt `:` type($wrt) attr-dict"
-
-    def __init__(self, jacobian: SSAValue, wrt: Sequence[SSAValue]) -> None:
-        super().__init__(operands=[jacobian, list(wrt)])
-
-    def verify_(self) -> None:
-        count = _total(self.wrt)
-        shape = shape_of(self.jacobian)
-        if shape[1] != count and shape != (count, 1):
-            raise VerifyException(f"a Jacobian with respect to {count} entries has {count} columns, got {spell(shape)}")
-
-
-@irdl_op_definition
-class YieldCurvatureOp(IRDLOperation):
-    """Hessian (q x q) of <v, h(w)> for the cotangent v that the body takes, with respect to the q entries of `wrt`.
-
-    After `lower-to-scalar` it is the packed upper triangle.
-    """
-
-    name = "rel.yield_curvature"
-    hessian = operand_def()
-    wrt = var_operand_def()
-    traits = traits_def(IsTerminator())
-    irdl_options = (ParsePropInAttrDict(),)
-    assembly_format = "$hessian `:` type($hessian) `wrt` $wrt `:` type($wrt) attr-dict"
-
-    def __init__(self, hessian: SSAValue, wrt: Sequence[SSAValue]) -> None:
-        super().__init__(operands=[hessian, list(wrt)])
-
-    def verify_(self) -> None:
-        count = _total(self.wrt)
-        if shape_of(self.hessian) not in {(count, count), (packed_size(count), 1)}:
-            raise VerifyException(
-                f"a Hessian with respect to {count} entries is {count}x{count} (or its packed upper triangle), "
-                f"got {spell(shape_of(self.hessian))}"
-            )
+    @classmethod
+    def parse(cls, parser: Parser) -> Self:
+        """Parses what `print` prints; raises ParseError."""
+        operands = [parse_value(parser)]
+        parser.parse_keyword("width")
+        width = IntegerAttr(parser.parse_integer(), i64)
+        parser.parse_keyword("mode")
+        mode = StringAttr(parser.parse_str_literal())
+        if parser.parse_optional_keyword("isotropic"):
+            parser.parse_keyword("in")
+            operands.append(parse_value(parser))
+        attributes = parser.parse_optional_attr_dict()
+        parser.parse_punctuation(":")
+        properties = {"width": width, "mode": mode}
+        return cls.create(
+            operands=operands, result_types=[parse_type(parser)], properties=properties, attributes=attributes
+        )
 
 
 READS = (DataOp, RefOp, JoinOp, UnionOp, TargetIndexOp)
-OPS = (*READS, ApplyOp, ProjectOp, YieldOp, YieldDerivativeOp, YieldJacobianOp, YieldCurvatureOp)
+OPS = (*READS, ApplyOp, ProjectOp)
 
 __all__ = [
     "OPS",
@@ -324,9 +265,4 @@ __all__ = [
     "RefOp",
     "TargetIndexOp",
     "UnionOp",
-    "YieldCurvatureOp",
-    "YieldDerivativeOp",
-    "YieldJacobianOp",
-    "YieldOp",
-    "packed_size",
 ]

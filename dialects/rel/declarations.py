@@ -8,6 +8,7 @@ from typing import cast
 import numpy as np
 from numpy.typing import NDArray
 from xdsl.dialects.builtin import (
+    I64,
     ArrayAttr,
     DenseIntOrFPElementsAttr,
     IntegerAttr,
@@ -32,6 +33,7 @@ from xdsl.utils.exceptions import VerifyException
 
 from yasps.dialects.mat import Matrix, Shape
 from yasps.dialects.mat.base import MOST_ENTRIES, dense, is_matrix_type
+from yasps.dialects.rel.syntax import DeclaredType, Numbers
 
 PROJECTIONS = ("clamp", "abs", "none")
 
@@ -115,7 +117,7 @@ class PrimitiveOp(Declaration):
 
     name = "rel.primitive"
     mesh = prop_def(SymbolRefAttr)
-    size = opt_prop_def(IntegerAttr)
+    size = opt_prop_def(IntegerAttr[I64])
     dynamic = opt_prop_def(UnitAttr)
     assembly_format = "$sym_name `in` $mesh (`size` $size^)? (`dynamic` $dynamic^)? attr-dict"
 
@@ -157,7 +159,7 @@ class ConnectivityOp(Declaration):
     name = "rel.connectivity"
     source = prop_def(SymbolRefAttr)
     target = prop_def(SymbolRefAttr)
-    arity = prop_def(IntegerAttr)
+    arity = prop_def(IntegerAttr[I64])
     variable = opt_prop_def(UnitAttr)
     assembly_format = "$sym_name `from` $source `to` $target `arity` $arity (`variable` $variable^)? attr-dict"
 
@@ -186,7 +188,11 @@ class StorageOp(Declaration):
     type = prop_def(Attribute)
     constant = opt_prop_def(UnitAttr)
     numbers = opt_prop_def(DenseIntOrFPElementsAttr)
-    assembly_format = "$sym_name `on` $owner `:` $type (`constant` $constant^)? (`numbers` $numbers^)? attr-dict"
+    custom_directives = (DeclaredType, Numbers)
+    assembly_format = (
+        "$sym_name `on` $owner `:` custom<DeclaredType>($type) (`constant` $constant^)? "
+        "(`numbers` custom<Numbers>($numbers)^)? attr-dict"
+    )
 
     def __init__(
         self, name: str, owner: str, type_: Matrix, constant: bool, numbers: NDArray[np.float64] | None = None
@@ -226,7 +232,10 @@ class AttributeOp(Declaration):
     type = prop_def(Attribute)
     body = region_def()
     traits = traits_def(IsolatedFromAbove())
-    assembly_format = "$sym_name `on` $owner `:` $type (`output` $output^)? attr-dict-with-keyword ($body^)?"
+    custom_directives = (DeclaredType,)
+    assembly_format = (
+        "$sym_name `on` $owner `:` custom<DeclaredType>($type) (`output` $output^)? attr-dict-with-keyword ($body^)?"
+    )
 
     def __init__(self, name: str, owner: str, type_: Matrix, body: Block | None) -> None:
         super().__init__(

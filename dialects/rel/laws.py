@@ -13,9 +13,11 @@ from xdsl.ir import Block, Operation
 from xdsl.utils.exceptions import VerifyException
 
 from yasps.dialects.mat import Matrix, spell
+from yasps.dialects.mat.syntax import spell_type
 from yasps.dialects.rel import body as body_ops
 from yasps.dialects.rel import declarations as decl
 from yasps.dialects.rel.declarations import name_of
+from yasps.dialects.rel.terminators import YieldOp
 
 
 class Scope:
@@ -123,14 +125,14 @@ def _verify_body(
             scope.find(name_of(inner.target), (decl.StorageOp,), "a stored variable", user)
     if isinstance(op, decl.AttributeOp):
         last = block.last_op
-        if not isinstance(last, body_ops.YieldOp):
+        if not isinstance(last, YieldOp):
             raise VerifyException(f"{user} must end with rel.yield")
         _same_type(user, op.symbol, op.matrix_type, cast(Matrix, last.value.type))
 
 
 def _same_type(user: str, name: str, declared: Matrix, used: Matrix) -> None:
     if declared != used:
-        raise VerifyException(f"{user} uses @{name} as {used}, but it is {declared}")
+        raise VerifyException(f"{user} uses @{name} as {spell_type(used)}, but it is {spell_type(declared)}")
 
 
 def _verify_join(scope: Scope, user: str, owner: str, op: body_ops.JoinOp) -> None:
@@ -163,7 +165,8 @@ def _verify_join(scope: Scope, user: str, owner: str, op: body_ops.JoinOp) -> No
         return
     if op.matrix_type.get_shape() != (arity, rows * cols):
         raise VerifyException(
-            f"{user}: a JOIN of arity {arity} of {rows}x{cols} values is {arity}x{rows * cols}, not {op.result.type}"
+            f"{user}: a JOIN of arity {arity} of {rows}x{cols} values is {arity}x{rows * cols}, not "
+            f"{spell_type(op.result.type)}"
         )
 
 

@@ -20,71 +20,70 @@ builtin.module {
   rel.scene @scene {
     rel.mesh @m in @scene
     rel.mesh @n in @scene
-    rel.primitive @m.v in @m size 4 : i64
-    rel.primitive @n.v in @n size 3 : i64
+    rel.primitive @m.v in @m size 4
+    rel.primitive @n.v in @n size 3
     rel.primitive @m.p in @m dynamic
     rel.primitive_union @m.u in @m of [@m.v, @n.v]
-    rel.connectivity @m.p.ends from @m.p to @m.u arity 2 : i64
-    rel.storage @m.v.x on @m.v : tensor<3x1xf64>
-    rel.storage @n.v.x on @n.v : tensor<3x1xf64>
-    rel.storage @m.k on @m : tensor<1x1xf64> constant
-    rel.storage @g on @scene : tensor<1x1xf64> constant
-    rel.attribute @m.u.x on @m.u : tensor<3x1xf64> {
-      %0 = rel.union [@m.v.x, @n.v.x] : tensor<3x1xf64>
-      rel.yield %0 : tensor<3x1xf64>
+    rel.connectivity @m.p.ends from @m.p to @m.u arity 2
+    rel.storage @m.v.x on @m.v : 3x1
+    rel.storage @n.v.x on @n.v : 3x1
+    rel.storage @m.k on @m : 1x1 constant
+    rel.storage @g on @scene : 1x1 constant
+    rel.attribute @m.u.x on @m.u : 3x1 {
+      %0 = rel.union [@m.v.x, @n.v.x] : 3x1
+      rel.yield %0
     }
-    rel.attribute @m.p.stiffness on @m.p : tensor<1x1xf64> {
-      %1 = rel.data @m.k : tensor<1x1xf64>
-      %2 = rel.data @g : tensor<1x1xf64>
+    rel.attribute @m.p.stiffness on @m.p : 1x1 {
+      %1 = rel.data @m.k : 1x1
+      %2 = rel.data @g : 1x1
       %3 = "mat.scale"(%1, %2) : (tensor<1x1xf64>, tensor<1x1xf64>) -> tensor<1x1xf64>
-      rel.yield %3 : tensor<1x1xf64>
+      rel.yield %3
     }
-    rel.attribute @m.p.energy on @m.p : tensor<1x1xf64> output {
-      %4 = rel.join @m.u.x through @m.p.ends : tensor<2x3xf64>
-      %5 = rel.ref @m.p.stiffness : tensor<1x1xf64>
-      %6 = mat.dot %4, %4 : (tensor<2x3xf64>, tensor<2x3xf64>) -> tensor<1x1xf64>
-      %7 = mat.scale %5, %6 : (tensor<1x1xf64>, tensor<1x1xf64>) -> tensor<1x1xf64>
-      rel.yield %7 : tensor<1x1xf64>
+    rel.attribute @m.p.energy on @m.p : 1x1 output {
+      %4 = rel.join @m.u.x through @m.p.ends : 2x3
+      %5 = rel.ref @m.p.stiffness : 1x1
+      %6 = mat.dot %4, %4 : 1x1
+      %7 = mat.scale %5, %6 : 1x1
+      rel.yield %7
     }
-    rel.attribute @m.v.elsewhere on @m.v : tensor<2x2xf64>
-    rel.attribute @m.v.x.kappa on @m.v : tensor<1x1xi32> {
-      %8 = rel.target_index @m.v.x : tensor<1x1xi32>
-      rel.yield %8 : tensor<1x1xi32>
+    rel.attribute @m.v.elsewhere on @m.v : 2x2
+    rel.attribute @m.v.x.kappa on @m.v : 1x1xi32 {
+      %8 = rel.target_index @m.v.x : 1x1xi32
+      rel.yield %8
     }
-    rel.attribute @n.v.x.kappa on @n.v : tensor<1x2xi32>
-    rel.attribute @m.u.x.kappa on @m.u : tensor<1x2xi32> {
-      %9 = rel.union [@m.v.x.kappa, @n.v.x.kappa] : tensor<1x2xi32>
-      rel.yield %9 : tensor<1x2xi32>
+    rel.attribute @n.v.x.kappa on @n.v : 1x2xi32
+    rel.attribute @m.u.x.kappa on @m.u : 1x2xi32 {
+      %9 = rel.union [@m.v.x.kappa, @n.v.x.kappa] : 1x2xi32
+      rel.yield %9
     }
     rel.energy @m.p.energy projection "clamp" dynamic
     rel.target @m.v.x
     rel.jacobian @m.v.x.jacobian of @m.v.x on @m.v indices @m.v.x.kappa {
-      %10 = rel.data @m.v.x : tensor<3x1xf64>
-      %11 = mat.identity {size = array<i64: 3>} : () -> tensor<3x3xf64>
-      rel.yield_jacobian %11 : tensor<3x3xf64> wrt %10 : tensor<3x1xf64>
+      %10 = rel.data @m.v.x : 3x1
+      %11 = mat.identity : 3x3
+      rel.yield_jacobian %11 wrt %10
     }
     rel.curvature @m.v.x.curvature of @m.v.x on @m.v {
     ^bb0(%18: tensor<3x1xf64>):
-      %19 = rel.data @m.v.x : tensor<3x1xf64>
-      %21 = mat.transpose %19 : (tensor<3x1xf64>) -> tensor<1x3xf64>
-      %20 = mat.matmul %18, %21 : (tensor<3x1xf64>, tensor<1x3xf64>) -> tensor<3x3xf64>
-      rel.yield_curvature %20 : tensor<3x3xf64> wrt %19 : tensor<3x1xf64>
+      %19 = rel.data @m.v.x : 3x1
+      %21 = mat.transpose %19 : 1x3
+      %20 = mat.matmul %18, %21 : 3x3
+      rel.yield_curvature %20 wrt %19
     }
     rel.derivative @m.p.affine of @m.p.energy on @m.p projection "none" curved {
-      %12 = rel.join @m.u.x through @m.p.ends : tensor<2x3xf64>
-      %13 = mat.reshape %12 {shape = array<i64: 6, 1>} : (tensor<2x3xf64>) -> tensor<6x1xf64>
-      %22 = mat.dot %13, %13 : (tensor<6x1xf64>, tensor<6x1xf64>) -> tensor<1x1xf64>
-      rel.yield_derivative %22 : tensor<1x1xf64> gradient %13 : tensor<6x1xf64> wrt %12 : tensor<2x3xf64>
+      %12 = rel.join @m.u.x through @m.p.ends : 2x3
+      %13 = mat.reshape %12 : 6x1
+      %22 = mat.dot %13, %13 : 1x1
+      rel.yield_derivative %22 gradient %13 wrt %12
     }
   }
   rel.object @energy.object entries ["batch", "call"] {
     rel.derivative @m.p.derivative of @m.p.energy on @m.p projection "clamp" dynamic indices @m.v.x.kappa \
 projects "6x6" {
-      %14 = rel.join @m.u.x through @m.p.ends : tensor<2x3xf64>
-      %23, %15, %16 = rel.apply @derive(%14) : (tensor<2x3xf64>) -> (tensor<1x1xf64>, tensor<6x1xf64>, tensor<21x1xf64>)
-      %17 = rel.project %16 width 6 : i64 mode "clamp" : tensor<21x1xf64> -> tensor<21x1xf64>
-      rel.yield_derivative %23 : tensor<1x1xf64> gradient %15 : tensor<6x1xf64> hessian %17 : tensor<21x1xf64> \
-wrt %14 : tensor<2x3xf64>
+      %14 = rel.join @m.u.x through @m.p.ends : 2x3
+      %23, %15, %16 = rel.apply @derive(%14) : 1x1, 6x1, 21x1
+      %17 = rel.project %16 width 6 mode "clamp" : 21x1
+      rel.yield_derivative %23 gradient %15 hessian %17 wrt %14
     }
   }
 }
@@ -122,8 +121,8 @@ def test_optional_words_are_kept() -> None:
     text = str(parse(SCENE))
     for line in (
         "rel.primitive @m.p in @m dynamic",
-        "rel.storage @m.k on @m : tensor<1x1xf64> constant",
-        "rel.attribute @m.p.energy on @m.p : tensor<1x1xf64> output",
+        "rel.storage @m.k on @m : 1x1 constant",
+        "rel.attribute @m.p.energy on @m.p : 1x1 output",
         'rel.energy @m.p.energy projection "clamp" dynamic',
         'rel.derivative @m.p.affine of @m.p.energy on @m.p projection "none" curved',
     ):
@@ -166,14 +165,14 @@ BREAKS: dict[str, tuple[str, str, str]] = {
     ),
     "a target is a variable": ("rel.target @m.v.x\n", "rel.target @m.k\n", "@m.k is a constant; a target must be a"),
     "a storage holds matrices": (
-        "rel.storage @g on @scene : tensor<1x1xf64>",
+        "rel.storage @g on @scene : 1x1",
         "rel.storage @g on @scene : f64",
         "g must be a matrix tensor<RxCxf64> of 1 to 1048576 entries, not f64",
     ),
     "data is read with its type": (
-        "rel.storage @m.k on @m : tensor<1x1xf64>",
-        "rel.storage @m.k on @m : tensor<2x1xf64>",
-        "@m.p.stiffness uses @m.k as tensor<1x1xf64>, but it is tensor<2x1xf64>",
+        "rel.storage @m.k on @m : 1x1",
+        "rel.storage @m.k on @m : 2x1",
+        "@m.p.stiffness uses @m.k as 1x1, but it is 2x1",
     ),
     "data exists": (
         "rel.data @m.k",
@@ -206,8 +205,8 @@ BREAKS: dict[str, tuple[str, str, str]] = {
         "@m.p.energy lives on @m.p and reads @m.p.stiffness of @m.v",
     ),
     "a JOIN goes through a connectivity": (
-        "through @m.p.ends : tensor<2x3xf64>\n      %5",
-        "through @m.p.stiffness : tensor<2x3xf64>\n      %5",
+        "through @m.p.ends : 2x3\n      %5",
+        "through @m.p.stiffness : 2x3\n      %5",
         "@m.p.energy needs a connectivity, but @m.p.stiffness is rel.attribute",
     ),
     "a JOIN's connectivity starts at the owner": (
@@ -216,28 +215,28 @@ BREAKS: dict[str, tuple[str, str, str]] = {
         "@m.p.energy lives on @m.p, but connectivity @m.p.ends starts at @m.v",
     ),
     "a JOIN's source lives where the connectivity leads": (
-        "rel.join @m.u.x through @m.p.ends : tensor<2x3xf64>\n      %5",
-        "rel.join @m.v.x through @m.p.ends : tensor<2x3xf64>\n      %5",
+        "rel.join @m.u.x through @m.p.ends : 2x3\n      %5",
+        "rel.join @m.v.x through @m.p.ends : 2x3\n      %5",
         "@m.p.energy joins @m.v.x of @m.v through @m.p.ends, which leads to @m.u",
     ),
     "a JOIN has a row for each slot": (
         "arity 2",
         "arity 3",
-        "@m.p.energy: a JOIN of arity 3 of 3x1 values is 3x3, not tensor<2x3xf64>",
+        "@m.p.energy: a JOIN of arity 3 of 3x1 values is 3x3, not 2x3",
     ),
     "a JOIN through a variable arity reduces": (
-        "arity 2 : i64",
-        "arity 2 : i64 variable",
+        "arity 2",
+        "arity 2 variable",
         "@m.p.energy: a JOIN through @m.p.ends needs an operation, its arity varies",
     ),
     "a JOIN through a fixed arity does not": (
-        "rel.join @m.u.x through @m.p.ends : tensor<2x3xf64>\n      %5",
-        'rel.join @m.u.x through @m.p.ends operation "sum" : tensor<2x3xf64>\n      %5',
+        "rel.join @m.u.x through @m.p.ends : 2x3\n      %5",
+        'rel.join @m.u.x through @m.p.ends operation "sum" : 2x3\n      %5',
         "@m.p.energy: a JOIN through @m.p.ends takes no operation, its arity is fixed",
     ),
     "a JOIN's operation is known": (
-        "rel.join @m.u.x through @m.p.ends : tensor<2x3xf64>\n      %5",
-        'rel.join @m.u.x through @m.p.ends operation "max" : tensor<2x3xf64>\n      %5',
+        "rel.join @m.u.x through @m.p.ends : 2x3\n      %5",
+        'rel.join @m.u.x through @m.p.ends operation "max" : 2x3\n      %5',
         "operation must be one of sum, mean, got 'max'",
     ),
     "a UNION lives on a primitive union": (
@@ -256,13 +255,13 @@ BREAKS: dict[str, tuple[str, str, str]] = {
         "@m.u.x: @n.v.x lives on @n.v, expected @m.v",
     ),
     "a UNION's members have one shape": (
-        "rel.storage @n.v.x on @n.v : tensor<3x1xf64>",
-        "rel.storage @n.v.x on @n.v : tensor<2x1xf64>",
+        "rel.storage @n.v.x on @n.v : 3x1",
+        "rel.storage @n.v.x on @n.v : 2x1",
         "@m.u.x is 3x1, but @n.v.x is 2x1",
     ),
     "a UNION of placement indices is as long as the longest": (
-        "rel.attribute @n.v.x.kappa on @n.v : tensor<1x2xi32>",
-        "rel.attribute @n.v.x.kappa on @n.v : tensor<1x3xi32>",
+        "rel.attribute @n.v.x.kappa on @n.v : 1x2xi32",
+        "rel.attribute @n.v.x.kappa on @n.v : 1x3xi32",
         "@m.u.x.kappa is 1x2, but @n.v.x.kappa is 1x3",
     ),
     "a placement index is of a stored variable": (
@@ -271,14 +270,14 @@ BREAKS: dict[str, tuple[str, str, str]] = {
         "@m.v.x.kappa needs a stored variable, but @m.v.elsewhere is rel.attribute",
     ),
     "an attribute ends with its value": (
-        "rel.yield %3 : tensor<1x1xf64>",
-        "rel.yield_jacobian %3 : tensor<1x1xf64> wrt %3 : tensor<1x1xf64>",
+        "rel.yield %3",
+        "rel.yield_jacobian %3 wrt %3",
         "@m.p.stiffness must end with rel.yield",
     ),
     "an attribute's value has its type": (
-        "rel.attribute @m.p.stiffness on @m.p : tensor<1x1xf64>",
-        "rel.attribute @m.p.stiffness on @m.p : tensor<2x2xf64>",
-        "@m.p.stiffness uses @m.p.stiffness as tensor<1x1xf64>, but it is tensor<2x2xf64>",
+        "rel.attribute @m.p.stiffness on @m.p : 1x1",
+        "rel.attribute @m.p.stiffness on @m.p : 2x2",
+        "@m.p.stiffness uses @m.p.stiffness as 1x1, but it is 2x2",
     ),
     "an owner is an entity": (
         "rel.attribute @m.p.stiffness on @m.p :",
@@ -286,23 +285,23 @@ BREAKS: dict[str, tuple[str, str, str]] = {
         "@m.k is rel.storage, not a scene, mesh or primitive",
     ),
     "a gradient has an entry for each input": (
-        "gradient %13 : tensor<6x1xf64> wrt %12",
-        "gradient %12 : tensor<2x3xf64> wrt %12",
+        "gradient %13 wrt %12",
+        "gradient %12 wrt %12",
         "the gradient with respect to 6 entries is 6x1, got 2x3",
     ),
     "a Hessian is square or packed": (
-        "hessian %17 : tensor<21x1xf64>",
-        "hessian %15 : tensor<6x1xf64>",
+        "hessian %17",
+        "hessian %15",
         "the Hessian with respect to 6 entries is 6x6 (or its packed upper triangle), got 6x1",
     ),
     "a Jacobian has a column for each input": (
-        "rel.yield_jacobian %11 : tensor<3x3xf64> wrt %10 : tensor<3x1xf64>",
-        "rel.yield_jacobian %10 : tensor<3x1xf64> wrt %11 : tensor<3x3xf64>",
+        "rel.yield_jacobian %11 wrt %10",
+        "rel.yield_jacobian %10 wrt %11",
         "a Jacobian with respect to 9 entries has 9 columns, got 3x1",
     ),
     "a curvature is square or packed": (
-        "rel.yield_curvature %20 : tensor<3x3xf64> wrt %19 : tensor<3x1xf64>",
-        "rel.yield_curvature %19 : tensor<3x1xf64> wrt %20 : tensor<3x3xf64>",
+        "rel.yield_curvature %20 wrt %19",
+        "rel.yield_curvature %19 wrt %20",
         "a Hessian with respect to 9 entries is 9x9 (or its packed upper triangle), got 3x1",
     ),
     "a curvature's body is of the lineage": (
@@ -311,8 +310,8 @@ BREAKS: dict[str, tuple[str, str, str]] = {
         "@m.v.x.curvature lives on @n.v and reads @m.v.x of @m.v",
     ),
     "a packed triangle has the size of its width": (
-        "width 6 : i64",
-        "width 5 : i64",
+        "width 6",
+        "width 5",
         "the upper triangle of a 5x5 matrix has 15 entries",
     ),
     "a projection mode is known": ('mode "clamp"', 'mode "none"', "mode must be one of clamp, abs, got 'none'"),

@@ -33,12 +33,12 @@ Located = AttributeOp | StorageOp | DerivativeOp | JacobianOp | CurvatureOp
 SCENE = """
 rel.scene @s {
   rel.mesh @m in @s
-  rel.primitive @m.v in @m size 3 : i64
-  rel.storage @m.v.x on @m.v : tensor<2x2xf64> loc("user.py":3:0)
-  rel.attribute @m.v.shape on @m.v : tensor<1x1xf64> {
-    %x = rel.data @m.v.x : tensor<2x2xf64>
-    %p = mat.det %x : (tensor<2x2xf64>) -> tensor<1x1xf64>
-    rel.yield %p : tensor<1x1xf64>
+  rel.primitive @m.v in @m size 3
+  rel.storage @m.v.x on @m.v : 2x2 loc("user.py":3:0)
+  rel.attribute @m.v.shape on @m.v : 1x1 {
+    %x = rel.data @m.v.x : 2x2
+    %p = mat.det %x : 1x1
+    rel.yield %p
   } loc("user.py":7:0)
   rel.energy @m.v.shape projection "clamp"
   rel.target @m.v.x
@@ -119,7 +119,7 @@ def test_dumps_tell_places_only_when_asked(tmp_path: Path) -> None:
         text = plain.read_text(encoding="utf-8")
         assert "loc(" not in text
         located = (tmp_path / "located" / plain.name).read_text(encoding="utf-8")
-        assert 'rel.storage @m.v.x on @m.v : tensor<2x2xf64> loc("user.py":3:0)\n' in located
+        assert 'rel.storage @m.v.x on @m.v : 2x2 loc("user.py":3:0)\n' in located
         assert '\n    } loc("user.py":7:0)\n' in located
         assert re.sub(r' loc\("user.py":\d:0\)', "", located) == text
         module = parsed(located)
@@ -183,26 +183,26 @@ def test_behind_a_join_the_inner_attribute_is_named_and_not_the_energy() -> None
     ("old", "new", "message"),
     [
         (
-            "rel.data @m.v.x : tensor<2x2xf64>\n",
-            "rel.data @m.v.y : tensor<2x2xf64>\n",
+            "rel.data @m.v.x : 2x2\n",
+            "rel.data @m.v.y : 2x2\n",
             "@m.v.shape (made at user.py:7) names an attribute @m.v.y, which does not exist",
         ),
         (
-            "tensor<2x2xf64> loc",
-            "tensor<3x3xf64> loc",
-            "@m.v.shape (made at user.py:7) uses @m.v.x as tensor<2x2xf64>, but it is tensor<3x3xf64>",
+            "2x2 loc",
+            "3x3 loc",
+            "@m.v.shape (made at user.py:7) uses @m.v.x as 2x2, but it is 3x3",
         ),
         (
-            "size 3 : i64",
-            "size 3 : i64\n  rel.primitive @m.w in @m size 3 : i64\n"
-            "  rel.storage @m.w.y on @m.w : tensor<2x2xf64>\n  rel.attribute @m.v.z on @m.v : tensor<2x2xf64> {\n"
-            '    %y = rel.data @m.w.y : tensor<2x2xf64>\n    rel.yield %y : tensor<2x2xf64>\n  } loc("user.py":5:0)',
+            "size 3",
+            "size 3\n  rel.primitive @m.w in @m size 3\n"
+            "  rel.storage @m.w.y on @m.w : 2x2\n  rel.attribute @m.v.z on @m.v : 2x2 {\n"
+            '    %y = rel.data @m.w.y : 2x2\n    rel.yield %y\n  } loc("user.py":5:0)',
             "@m.v.z (made at user.py:5) lives on @m.v and reads @m.w.y of @m.w: attributes of different lineages meet "
             "only through a JOIN or a UNION",
         ),
         (
-            "mat.det %x : (tensor<2x2xf64>) -> tensor<1x1xf64>",
-            "mat.neg %x : (tensor<2x2xf64>) -> tensor<1x1xf64>",
+            "mat.det %x : 1x1",
+            "mat.neg %x : 1x1",
             "@m.v.shape (made at user.py:7): mat.neg gives 2x2 here, but its type says 1x1",
         ),
         (
@@ -245,7 +245,7 @@ def test_without_places_the_attribute_is_still_named(tmp_path: Path, capsys: pyt
 
 def test_yasps_opt_names_pass_attribute_and_place(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     path = tmp_path / "no-rule.mlir"
-    rule = 'mat.project_psd %x {mode = "abs"} : (tensor<2x2xf64>) -> tensor<2x2xf64>'
+    rule = 'mat.project_psd %x mode "abs" : 2x2'
     text = SCENE.replace("mat.det %x :", f"{rule}\n    %d = mat.det %p :").replace("yield %p", "yield %d")
     path.write_text(text, encoding="utf-8")
     assert main(["-p", "canonicalize,differentiate", str(path)]) == 1
@@ -276,16 +276,16 @@ def test_a_pass_that_breaks_a_law_is_blamed(tmp_path: Path, monkeypatch: pytest.
         run_pipeline(parsed(SCENE), tmp_path)
     assert str(caught.value) == (
         "pass breaks broke a rule, which is a bug of yasps: @m.v.shape (made at user.py:7) uses @m.v.shape as "
-        "tensor<1x1xf64>, but it is tensor<7x7xf64>"
+        "1x1, but it is 7x7"
     )
     assert isinstance(caught.value.__cause__, VerifyException)
     assert "rel.scene" not in "".join(traceback.format_exception(caught.value))
-    assert "on @m.v : tensor<7x7xf64>" in (tmp_path / "02-breaks.mlir").read_text(encoding="utf-8")
+    assert "on @m.v : 7x7" in (tmp_path / "02-breaks.mlir").read_text(encoding="utf-8")
 
 
 def test_the_scene_of_a_broken_frontend_is_refused_without_blaming_a_pass() -> None:
     with pytest.raises(CompileError, match=r"^@m\.v\.shape \(made at user\.py:7\) uses @m\.v\.x as"):
-        run_pipeline(parsed(SCENE.replace("tensor<2x2xf64> loc", "tensor<3x3xf64> loc")))
+        run_pipeline(parsed(SCENE.replace("2x2 loc", "3x3 loc")))
 
 
 # -- at run time -------------------------------------------------------------------------------------------------------

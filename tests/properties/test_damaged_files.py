@@ -87,8 +87,8 @@ def test_yasps_opt_takes_damaged_ir(data: st.DataObject, folder: Path, texts: li
     [
         ("rel.scene", 'rel.scene @"' + "a" * 200, "line 2: the string"),
         ("rel.scene", "\udcff", "reading the input"),
-        ("tensor<3x1xf64>", "tensor<300000x1000000xf64>", "1048576 entries"),
-        ("arity 2 ", "arity 1000000000000 ", "of arity 1000000000000"),
+        (": 3x1", ": 300000x1000000", "1048576 entries"),
+        ("arity 2", "arity 1000000000000", "of arity 1000000000000"),
         ("rel.scene", "(" * 5000, "claims.mlir:2:"),
         ("size 4", "size 4000000000000", None),
     ],
@@ -114,7 +114,7 @@ def test_random_numbers_have_a_limit(folder: Path) -> None:
     path = folder / "many.mlir"
     path.write_text(
         "rel.scene @s { rel.mesh @m in @s\n rel.primitive @m.v in @m dynamic\n"
-        "rel.connectivity @m.v.all from @m.v to @m.v arity 1000000000000 : i64 }"
+        "rel.connectivity @m.v.all from @m.v to @m.v arity 1000000000000 }"
     )
     assert run_opt(path, ["--random", "2"])[2] == (
         "yasps-opt: the module needs 2000000000000 random numbers; at most 100000000 are drawn\n"

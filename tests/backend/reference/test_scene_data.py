@@ -27,12 +27,12 @@ NESTED = """
 rel.scene @s {
   rel.primitive_union @m.all in @m of [@m.some, @m.c]
   rel.mesh @m in @s
-  rel.primitive @m.a in @m size 2 : i64
-  rel.primitive @m.b in @m size 2 : i64
+  rel.primitive @m.a in @m size 2
+  rel.primitive @m.b in @m size 2
   rel.primitive @m.c in @m dynamic
   rel.primitive_union @m.some in @m of [@m.a, @m.b]
-  rel.connectivity @m.c.ring from @m.c to @m.all arity 4 : i64 variable
-  rel.storage @m.k on @m : tensor<1x1xf64>
+  rel.connectivity @m.c.ring from @m.c to @m.all arity 4 variable
+  rel.storage @m.k on @m : 1x1
 }
 """
 

@@ -1,27 +1,27 @@
 builtin.module {
   rel.scene @lever {
     rel.mesh @m in @lever
-    rel.primitive @m.springs in @m size 1 : i64
-    rel.primitive @m.tips in @m size 2 : i64
-    rel.primitive @m.arms in @m size 2 : i64
-    rel.connectivity @m.tips.arm from @m.tips to @m.arms arity 1 : i64
-    rel.connectivity @m.springs.ends from @m.springs to @m.tips arity 2 : i64
-    rel.storage @m.arms.angle on @m.arms : tensor<1x1xf64>
-    rel.storage @m.tips.length on @m.tips : tensor<1x1xf64> constant
-    rel.attribute @m.tips.x on @m.tips : tensor<2x1xf64>
-    rel.attribute @m.springs.stretch on @m.springs : tensor<1x1xf64>
+    rel.primitive @m.springs in @m size 1
+    rel.primitive @m.tips in @m size 2
+    rel.primitive @m.arms in @m size 2
+    rel.connectivity @m.tips.arm from @m.tips to @m.arms arity 1
+    rel.connectivity @m.springs.ends from @m.springs to @m.tips arity 2
+    rel.storage @m.arms.angle on @m.arms : 1x1
+    rel.storage @m.tips.length on @m.tips : 1x1 constant
+    rel.attribute @m.tips.x on @m.tips : 2x1
+    rel.attribute @m.springs.stretch on @m.springs : 1x1
     rel.energy @m.springs.stretch projection "clamp"
     rel.target @m.arms.angle
-    rel.attribute @m.arms.angle.kappa on @m.arms : tensor<1x1xi32>
-    rel.attribute @m.tips.x.kappa on @m.tips : tensor<1x1xi32>
-    rel.attribute @m.springs.stretch.kappa on @m.springs : tensor<1x2xi32>
+    rel.attribute @m.arms.angle.kappa on @m.arms : 1x1xi32
+    rel.attribute @m.tips.x.kappa on @m.tips : 1x1xi32
+    rel.attribute @m.springs.stretch.kappa on @m.springs : 1x2xi32
   }
   rel.object @m.tips.x.object entries ["call"] {
-    rel.attribute @m.tips.x on @m.tips : tensor<2x1xf64> {
-      %0 = rel.join @m.arms.angle through @m.tips.arm : tensor<1x1xf64>
-      %length = rel.data @m.tips.length : tensor<1x1xf64>
-      %1 = rel.apply @m.tips.x.value(%0, %length) : (tensor<1x1xf64>, tensor<1x1xf64>) -> tensor<2x1xf64>
-      rel.yield %1 : tensor<2x1xf64>
+    rel.attribute @m.tips.x on @m.tips : 2x1 {
+      %0 = rel.join @m.arms.angle through @m.tips.arm : 1x1
+      %length = rel.data @m.tips.length : 1x1
+      %1 = rel.apply @m.tips.x.value(%0, %length) : 2x1
+      rel.yield %1
     }
     func.func @m.tips.x.value(%0: f64, %1: f64) -> (f64, f64) {
       %2 = math.sin %0 : f64
@@ -32,10 +32,10 @@ builtin.module {
     }
   }
   rel.object @m.springs.stretch.object entries ["batch"] {
-    rel.attribute @m.springs.stretch on @m.springs : tensor<1x1xf64> {
-      %0 = rel.join @m.tips.x through @m.springs.ends : tensor<2x2xf64>
-      %1 = rel.apply @m.springs.stretch.value(%0) : (tensor<2x2xf64>) -> tensor<1x1xf64>
-      rel.yield %1 : tensor<1x1xf64>
+    rel.attribute @m.springs.stretch on @m.springs : 1x1 {
+      %0 = rel.join @m.tips.x through @m.springs.ends : 2x2
+      %1 = rel.apply @m.springs.stretch.value(%0) : 1x1
+      rel.yield %1
     }
     func.func @m.springs.stretch.value(%0: f64, %1: f64, %2: f64, %3: f64) -> f64 {
       %4 = arith.subf %0, %2 : f64
@@ -51,10 +51,10 @@ builtin.module {
   rel.object @m.tips.x.jacobian.object entries ["call"] {
     rel.jacobian @m.tips.x.jacobian of @m.tips.x on @m.tips indices @m.tips.x.kappa {
     ^bb0(%0: tensor<2x1xf64>):
-      %1 = rel.join @m.arms.angle through @m.tips.arm : tensor<1x1xf64>
-      %length = rel.data @m.tips.length : tensor<1x1xf64>
-      %2 = rel.apply @m.tips.x.pull_back(%1, %length, %0) : (tensor<1x1xf64>, tensor<1x1xf64>, tensor<2x1xf64>) -> tensor<1x1xf64>
-      rel.yield_jacobian %2 : tensor<1x1xf64> wrt %1 : tensor<1x1xf64>
+      %1 = rel.join @m.arms.angle through @m.tips.arm : 1x1
+      %length = rel.data @m.tips.length : 1x1
+      %2 = rel.apply @m.tips.x.pull_back(%1, %length, %0) : 1x1
+      rel.yield_jacobian %2 wrt %1
     }
     func.func @m.tips.x.pull_back(%0: f64, %1: f64, %2: f64, %3: f64) -> f64 {
       %4 = math.cos %0 : f64
@@ -70,10 +70,10 @@ builtin.module {
   rel.object @m.tips.x.curvature.object entries ["call"] {
     rel.curvature @m.tips.x.curvature of @m.tips.x on @m.tips {
     ^bb0(%0: tensor<2x1xf64>):
-      %1 = rel.join @m.arms.angle through @m.tips.arm : tensor<1x1xf64>
-      %length = rel.data @m.tips.length : tensor<1x1xf64>
-      %2 = rel.apply @m.tips.x.second(%1, %length, %0) : (tensor<1x1xf64>, tensor<1x1xf64>, tensor<2x1xf64>) -> tensor<1x1xf64>
-      rel.yield_curvature %2 : tensor<1x1xf64> wrt %1 : tensor<1x1xf64>
+      %1 = rel.join @m.arms.angle through @m.tips.arm : 1x1
+      %length = rel.data @m.tips.length : 1x1
+      %2 = rel.apply @m.tips.x.second(%1, %length, %0) : 1x1
+      rel.yield_curvature %2 wrt %1
     }
     func.func @m.tips.x.second(%0: f64, %1: f64, %2: f64, %3: f64) -> f64 {
       %4 = arith.mulf %1, %3 : f64
@@ -89,9 +89,9 @@ builtin.module {
   }
   rel.object @m.springs.stretch.derivative.object entries ["batch"] {
     rel.derivative @m.springs.stretch.derivative of @m.springs.stretch on @m.springs projection "clamp" curved indices @m.springs.stretch.kappa projects "the whole local Hessian, expanded to the targets: an input is nonlinear in them" {
-      %0 = rel.join @m.tips.x through @m.springs.ends : tensor<2x2xf64>
-      %1, %2, %3 = rel.apply @m.springs.stretch.derive(%0) : (tensor<2x2xf64>) -> (tensor<1x1xf64>, tensor<4x1xf64>, tensor<10x1xf64>)
-      rel.yield_derivative %1 : tensor<1x1xf64> gradient %2 : tensor<4x1xf64> hessian %3 : tensor<10x1xf64> wrt %0 : tensor<2x2xf64>
+      %0 = rel.join @m.tips.x through @m.springs.ends : 2x2
+      %1, %2, %3 = rel.apply @m.springs.stretch.derive(%0) : 1x1, 4x1, 10x1
+      rel.yield_derivative %1 gradient %2 hessian %3 wrt %0
     }
     func.func @m.springs.stretch.derive(%0: f64, %1: f64, %2: f64, %3: f64) -> (f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64) {
       %4 = arith.constant 0.000000e+00 : f64
@@ -110,22 +110,22 @@ builtin.module {
     }
   }
   rel.object @m.arms.angle.kappa.object entries ["call"] {
-    rel.attribute @m.arms.angle.kappa on @m.arms : tensor<1x1xi32> {
-      %0 = rel.target_index @m.arms.angle : tensor<1x1xi32>
-      rel.yield %0 : tensor<1x1xi32>
+    rel.attribute @m.arms.angle.kappa on @m.arms : 1x1xi32 {
+      %0 = rel.target_index @m.arms.angle : 1x1xi32
+      rel.yield %0
     }
   }
   rel.object @m.tips.x.kappa.object entries ["call"] {
-    rel.attribute @m.tips.x.kappa on @m.tips : tensor<1x1xi32> {
-      %0 = rel.join @m.arms.angle.kappa through @m.tips.arm : tensor<1x1xi32>
-      rel.yield %0 : tensor<1x1xi32>
+    rel.attribute @m.tips.x.kappa on @m.tips : 1x1xi32 {
+      %0 = rel.join @m.arms.angle.kappa through @m.tips.arm : 1x1xi32
+      rel.yield %0
     }
   }
   rel.object @m.springs.stretch.kappa.object entries ["batch"] {
-    rel.attribute @m.springs.stretch.kappa on @m.springs : tensor<1x2xi32> {
-      %0 = rel.join @m.tips.x.kappa through @m.springs.ends : tensor<2x1xi32>
-      %1 = rel.apply @m.springs.stretch.kappa.value(%0) : (tensor<2x1xi32>) -> tensor<1x2xi32>
-      rel.yield %1 : tensor<1x2xi32>
+    rel.attribute @m.springs.stretch.kappa on @m.springs : 1x2xi32 {
+      %0 = rel.join @m.tips.x.kappa through @m.springs.ends : 2x1xi32
+      %1 = rel.apply @m.springs.stretch.kappa.value(%0) : 1x2xi32
+      rel.yield %1
     }
     func.func @m.springs.stretch.kappa.value(%0: i32, %1: i32) -> (i32, i32) {
       func.return %0, %1 : i32, i32

@@ -5,36 +5,36 @@ builtin.module {
     rel.mesh @stiff in @mixed_union
     rel.mesh @still in @mixed_union
     rel.primitive @both.pp in @both dynamic
-    rel.primitive @soft.v in @soft size 1 : i64
-    rel.primitive @stiff.v in @stiff size 2 : i64
-    rel.primitive @still.v in @still size 1 : i64
+    rel.primitive @soft.v in @soft size 1
+    rel.primitive @stiff.v in @stiff size 2
+    rel.primitive @still.v in @still size 1
     rel.primitive_union @both.v in @both of [@soft.v, @stiff.v, @still.v]
-    rel.primitive @stiff.body in @stiff size 1 : i64
-    rel.connectivity @stiff.v.owner from @stiff.v to @stiff.body arity 1 : i64
-    rel.connectivity @both.pp.ends from @both.pp to @both.v arity 2 : i64
-    rel.storage @soft.v.x on @soft.v : tensor<3x1xf64>
-    rel.storage @stiff.body.t on @stiff.body : tensor<3x1xf64>
-    rel.storage @stiff.v.rest on @stiff.v : tensor<3x1xf64> constant
-    rel.storage @stiff.body.A on @stiff.body : tensor<3x3xf64>
-    rel.storage @still.v.x on @still.v : tensor<3x1xf64> constant
-    rel.storage @both.pp.barrier.numbers on @mixed_union : tensor<2x1xf64> constant numbers dense<2.500000e+00> : tensor<2x1xf64>
-    rel.attribute @stiff.v.x on @stiff.v : tensor<3x1xf64> {
-      %0 = rel.join @stiff.body.t through @stiff.v.owner : tensor<1x3xf64>
-      %rest = rel.data @stiff.v.rest : tensor<3x1xf64>
-      %1 = rel.join @stiff.body.A through @stiff.v.owner : tensor<1x9xf64>
-      %2 = rel.apply @stiff.v.x.value(%0, %rest, %1) : (tensor<1x3xf64>, tensor<3x1xf64>, tensor<1x9xf64>) -> tensor<3x1xf64>
-      rel.yield %2 : tensor<3x1xf64>
+    rel.primitive @stiff.body in @stiff size 1
+    rel.connectivity @stiff.v.owner from @stiff.v to @stiff.body arity 1
+    rel.connectivity @both.pp.ends from @both.pp to @both.v arity 2
+    rel.storage @soft.v.x on @soft.v : 3x1
+    rel.storage @stiff.body.t on @stiff.body : 3x1
+    rel.storage @stiff.v.rest on @stiff.v : 3x1 constant
+    rel.storage @stiff.body.A on @stiff.body : 3x3
+    rel.storage @still.v.x on @still.v : 3x1 constant
+    rel.storage @both.pp.barrier.numbers on @mixed_union : 2x1 constant numbers 2.5
+    rel.attribute @stiff.v.x on @stiff.v : 3x1 {
+      %0 = rel.join @stiff.body.t through @stiff.v.owner : 1x3
+      %rest = rel.data @stiff.v.rest : 3x1
+      %1 = rel.join @stiff.body.A through @stiff.v.owner : 1x9
+      %2 = rel.apply @stiff.v.x.value(%0, %rest, %1) : 3x1
+      rel.yield %2
     }
-    rel.attribute @both.v.x on @both.v : tensor<3x1xf64> {
-      %0 = rel.union [@soft.v.x, @stiff.v.x, @still.v.x] : tensor<3x1xf64>
-      rel.yield %0 : tensor<3x1xf64>
+    rel.attribute @both.v.x on @both.v : 3x1 {
+      %0 = rel.union [@soft.v.x, @stiff.v.x, @still.v.x] : 3x1
+      rel.yield %0
     }
-    rel.attribute @both.pp.barrier on @both.pp : tensor<1x1xf64> {
-      %0 = rel.data @both.pp.barrier.numbers : tensor<2x1xf64>
-      %1 = rel.join @both.v.x through @both.pp.ends : tensor<2x3xf64>
-      %2 = rel.apply @both.pp.barrier.value_uniforms(%0) uniform : (tensor<2x1xf64>) -> tensor<2x1xf64>
-      %3 = rel.apply @both.pp.barrier.value(%1, %2) : (tensor<2x3xf64>, tensor<2x1xf64>) -> tensor<1x1xf64>
-      rel.yield %3 : tensor<1x1xf64>
+    rel.attribute @both.pp.barrier on @both.pp : 1x1 {
+      %0 = rel.data @both.pp.barrier.numbers : 2x1
+      %1 = rel.join @both.v.x through @both.pp.ends : 2x3
+      %2 = rel.apply @both.pp.barrier.value_uniforms(%0) uniform : 2x1
+      %3 = rel.apply @both.pp.barrier.value(%1, %2) : 1x1
+      rel.yield %3
     }
     rel.energy @both.pp.barrier projection "clamp" dynamic
     rel.target @soft.v.x
@@ -42,51 +42,51 @@ builtin.module {
     rel.target @stiff.body.t
     rel.jacobian @stiff.v.x.jacobian of @stiff.v.x on @stiff.v indices @stiff.v.x.kappa {
     ^bb0(%0: tensor<3x1xf64>):
-      %1 = rel.join @stiff.body.t through @stiff.v.owner : tensor<1x3xf64>
-      %rest = rel.data @stiff.v.rest : tensor<3x1xf64>
-      %2 = rel.join @stiff.body.A through @stiff.v.owner : tensor<1x9xf64>
-      %3 = rel.apply @stiff.v.x.pull_back(%rest, %0) : (tensor<3x1xf64>, tensor<3x1xf64>) -> tensor<12x1xf64>
-      rel.yield_jacobian %3 : tensor<12x1xf64> wrt %1, %2 : tensor<1x3xf64>, tensor<1x9xf64>
+      %1 = rel.join @stiff.body.t through @stiff.v.owner : 1x3
+      %rest = rel.data @stiff.v.rest : 3x1
+      %2 = rel.join @stiff.body.A through @stiff.v.owner : 1x9
+      %3 = rel.apply @stiff.v.x.pull_back(%rest, %0) : 12x1
+      rel.yield_jacobian %3 wrt %1, %2
     }
     rel.derivative @both.pp.barrier.derivative of @both.pp.barrier on @both.pp projection "clamp" dynamic indices @both.pp.barrier.kappa projects "3x3 of 6x6: the energy reads its inputs through a linear cut" {
-      %0 = rel.data @both.pp.barrier.numbers : tensor<2x1xf64>
-      %1 = rel.join @both.v.x through @both.pp.ends : tensor<2x3xf64>
-      %2 = rel.apply @both.pp.barrier.derive_uniforms(%0) uniform : (tensor<2x1xf64>) -> tensor<2x1xf64>
-      %3, %4, %5 = rel.apply @both.pp.barrier.derive(%1, %2) : (tensor<2x3xf64>, tensor<2x1xf64>) -> (tensor<1x1xf64>, tensor<6x1xf64>, tensor<6x1xf64>)
-      %6 = rel.project %5 width 3 : i64 mode "clamp" : tensor<6x1xf64> -> tensor<6x1xf64>
-      %7 = rel.apply @both.pp.barrier.pull_back(%6) : (tensor<6x1xf64>) -> tensor<21x1xf64>
-      rel.yield_derivative %3 : tensor<1x1xf64> gradient %4 : tensor<6x1xf64> hessian %7 : tensor<21x1xf64> wrt %1 : tensor<2x3xf64>
+      %0 = rel.data @both.pp.barrier.numbers : 2x1
+      %1 = rel.join @both.v.x through @both.pp.ends : 2x3
+      %2 = rel.apply @both.pp.barrier.derive_uniforms(%0) uniform : 2x1
+      %3, %4, %5 = rel.apply @both.pp.barrier.derive(%1, %2) : 1x1, 6x1, 6x1
+      %6 = rel.project %5 width 3 mode "clamp" : 6x1
+      %7 = rel.apply @both.pp.barrier.pull_back(%6) : 21x1
+      rel.yield_derivative %3 gradient %4 hessian %7 wrt %1
     }
-    rel.attribute @soft.v.x.kappa on @soft.v : tensor<1x1xi32> {
-      %0 = rel.target_index @soft.v.x : tensor<1x1xi32>
-      rel.yield %0 : tensor<1x1xi32>
+    rel.attribute @soft.v.x.kappa on @soft.v : 1x1xi32 {
+      %0 = rel.target_index @soft.v.x : 1x1xi32
+      rel.yield %0
     }
-    rel.attribute @stiff.body.t.kappa on @stiff.body : tensor<1x1xi32> {
-      %0 = rel.target_index @stiff.body.t : tensor<1x1xi32>
-      rel.yield %0 : tensor<1x1xi32>
+    rel.attribute @stiff.body.t.kappa on @stiff.body : 1x1xi32 {
+      %0 = rel.target_index @stiff.body.t : 1x1xi32
+      rel.yield %0
     }
-    rel.attribute @stiff.body.A.kappa on @stiff.body : tensor<1x1xi32> {
-      %0 = rel.target_index @stiff.body.A : tensor<1x1xi32>
-      rel.yield %0 : tensor<1x1xi32>
+    rel.attribute @stiff.body.A.kappa on @stiff.body : 1x1xi32 {
+      %0 = rel.target_index @stiff.body.A : 1x1xi32
+      rel.yield %0
     }
-    rel.attribute @stiff.v.x.kappa on @stiff.v : tensor<1x2xi32> {
-      %0 = rel.join @stiff.body.t.kappa through @stiff.v.owner : tensor<1x1xi32>
-      %1 = rel.join @stiff.body.A.kappa through @stiff.v.owner : tensor<1x1xi32>
-      %2 = rel.apply @stiff.v.x.kappa.value(%0, %1) : (tensor<1x1xi32>, tensor<1x1xi32>) -> tensor<1x2xi32>
-      rel.yield %2 : tensor<1x2xi32>
+    rel.attribute @stiff.v.x.kappa on @stiff.v : 1x2xi32 {
+      %0 = rel.join @stiff.body.t.kappa through @stiff.v.owner : 1x1xi32
+      %1 = rel.join @stiff.body.A.kappa through @stiff.v.owner : 1x1xi32
+      %2 = rel.apply @stiff.v.x.kappa.value(%0, %1) : 1x2xi32
+      rel.yield %2
     }
-    rel.attribute @still.v.x.kappa on @still.v : tensor<1x1xi32> {
-      %0 = rel.apply @still.v.x.kappa.value() : () -> tensor<1x1xi32>
-      rel.yield %0 : tensor<1x1xi32>
+    rel.attribute @still.v.x.kappa on @still.v : 1x1xi32 {
+      %0 = rel.apply @still.v.x.kappa.value() : 1x1xi32
+      rel.yield %0
     }
-    rel.attribute @both.v.x.kappa on @both.v : tensor<1x2xi32> {
-      %0 = rel.union [@soft.v.x.kappa, @stiff.v.x.kappa, @still.v.x.kappa] : tensor<1x2xi32>
-      rel.yield %0 : tensor<1x2xi32>
+    rel.attribute @both.v.x.kappa on @both.v : 1x2xi32 {
+      %0 = rel.union [@soft.v.x.kappa, @stiff.v.x.kappa, @still.v.x.kappa] : 1x2xi32
+      rel.yield %0
     }
-    rel.attribute @both.pp.barrier.kappa on @both.pp : tensor<1x4xi32> {
-      %0 = rel.join @both.v.x.kappa through @both.pp.ends : tensor<2x2xi32>
-      %1 = rel.apply @both.pp.barrier.kappa.value(%0) : (tensor<2x2xi32>) -> tensor<1x4xi32>
-      rel.yield %1 : tensor<1x4xi32>
+    rel.attribute @both.pp.barrier.kappa on @both.pp : 1x4xi32 {
+      %0 = rel.join @both.v.x.kappa through @both.pp.ends : 2x2xi32
+      %1 = rel.apply @both.pp.barrier.kappa.value(%0) : 1x4xi32
+      rel.yield %1
     }
     func.func @stiff.v.x.value(%0: f64, %1: f64, %2: f64, %3: f64, %4: f64, %5: f64, %6: f64, %7: f64, %8: f64, %9: f64, %10: f64, %11: f64, %12: f64, %13: f64, %14: f64) -> (f64, f64, f64) {
       %15 = arith.mulf %3, %6 : f64

@@ -1,29 +1,29 @@
 builtin.module {
   rel.scene @soft_tets {
     rel.mesh @m in @soft_tets
-    rel.primitive @m.t in @m size 1 : i64
-    rel.primitive @m.v in @m size 4 : i64
-    rel.connectivity @m.t.corners from @m.t to @m.v arity 4 : i64
-    rel.storage @m.v.x on @m.v : tensor<3x1xf64>
-    rel.storage @m.v.mass on @m.v : tensor<1x1xf64> constant
-    rel.storage @m.t.swell.numbers on @soft_tets : tensor<1x1xf64> constant numbers dense<3.000000e+00> : tensor<1x1xf64>
-    rel.storage @m.v.gravity.numbers on @soft_tets : tensor<1x1xf64> constant numbers dense<9.800000e+00> : tensor<1x1xf64>
-    rel.attribute @m.t.swell on @m.t : tensor<1x1xf64>
-    rel.attribute @m.v.gravity on @m.v : tensor<1x1xf64>
+    rel.primitive @m.t in @m size 1
+    rel.primitive @m.v in @m size 4
+    rel.connectivity @m.t.corners from @m.t to @m.v arity 4
+    rel.storage @m.v.x on @m.v : 3x1
+    rel.storage @m.v.mass on @m.v : 1x1 constant
+    rel.storage @m.t.swell.numbers on @soft_tets : 1x1 constant numbers 3.0
+    rel.storage @m.v.gravity.numbers on @soft_tets : 1x1 constant numbers 9.8
+    rel.attribute @m.t.swell on @m.t : 1x1
+    rel.attribute @m.v.gravity on @m.v : 1x1
     rel.energy @m.t.swell projection "clamp"
     rel.energy @m.v.gravity projection "clamp"
     rel.target @m.v.x
-    rel.attribute @m.v.x.kappa on @m.v : tensor<1x1xi32>
-    rel.attribute @m.t.swell.kappa on @m.t : tensor<1x4xi32>
-    rel.attribute @m.v.gravity.kappa on @m.v : tensor<1x1xi32>
+    rel.attribute @m.v.x.kappa on @m.v : 1x1xi32
+    rel.attribute @m.t.swell.kappa on @m.t : 1x4xi32
+    rel.attribute @m.v.gravity.kappa on @m.v : 1x1xi32
   }
   rel.object @m.t.swell.object entries ["batch"] {
-    rel.attribute @m.t.swell on @m.t : tensor<1x1xf64> {
-      %0 = rel.data @m.t.swell.numbers : tensor<1x1xf64>
-      %1 = rel.join @m.v.x through @m.t.corners : tensor<4x3xf64>
-      %2 = rel.apply @m.t.swell.value_uniforms(%0) uniform : (tensor<1x1xf64>) -> tensor<1x1xf64>
-      %3 = rel.apply @m.t.swell.value(%1, %2) : (tensor<4x3xf64>, tensor<1x1xf64>) -> tensor<1x1xf64>
-      rel.yield %3 : tensor<1x1xf64>
+    rel.attribute @m.t.swell on @m.t : 1x1 {
+      %0 = rel.data @m.t.swell.numbers : 1x1
+      %1 = rel.join @m.v.x through @m.t.corners : 4x3
+      %2 = rel.apply @m.t.swell.value_uniforms(%0) uniform : 1x1
+      %3 = rel.apply @m.t.swell.value(%1, %2) : 1x1
+      rel.yield %3
     }
     func.func @m.t.swell.value_uniforms(%0: f64) -> f64 {
       func.return %0 : f64
@@ -60,13 +60,13 @@ builtin.module {
     }
   }
   rel.object @m.v.gravity.object entries ["batch"] {
-    rel.attribute @m.v.gravity on @m.v : tensor<1x1xf64> {
-      %0 = rel.data @m.v.gravity.numbers : tensor<1x1xf64>
-      %x = rel.data @m.v.x : tensor<3x1xf64>
-      %mass = rel.data @m.v.mass : tensor<1x1xf64>
-      %1 = rel.apply @m.v.gravity.value_uniforms(%0) uniform : (tensor<1x1xf64>) -> tensor<1x1xf64>
-      %2 = rel.apply @m.v.gravity.value(%x, %mass, %1) : (tensor<3x1xf64>, tensor<1x1xf64>, tensor<1x1xf64>) -> tensor<1x1xf64>
-      rel.yield %2 : tensor<1x1xf64>
+    rel.attribute @m.v.gravity on @m.v : 1x1 {
+      %0 = rel.data @m.v.gravity.numbers : 1x1
+      %x = rel.data @m.v.x : 3x1
+      %mass = rel.data @m.v.mass : 1x1
+      %1 = rel.apply @m.v.gravity.value_uniforms(%0) uniform : 1x1
+      %2 = rel.apply @m.v.gravity.value(%x, %mass, %1) : 1x1
+      rel.yield %2
     }
     func.func @m.v.gravity.value_uniforms(%0: f64) -> f64 {
       func.return %0 : f64
@@ -79,13 +79,13 @@ builtin.module {
   }
   rel.object @m.t.swell.derivative.object entries ["batch"] {
     rel.derivative @m.t.swell.derivative of @m.t.swell on @m.t projection "clamp" indices @m.t.swell.kappa projects "9x9 of 12x12: the energy reads its inputs through a linear cut; by singular values: isotropic in this 3x3 matrix" {
-      %0 = rel.data @m.t.swell.numbers : tensor<1x1xf64>
-      %1 = rel.join @m.v.x through @m.t.corners : tensor<4x3xf64>
-      %2 = rel.apply @m.t.swell.derive_uniforms(%0) uniform : (tensor<1x1xf64>) -> tensor<2x1xf64>
-      %3, %4, %5, %6 = rel.apply @m.t.swell.derive(%1, %2) : (tensor<4x3xf64>, tensor<2x1xf64>) -> (tensor<1x1xf64>, tensor<12x1xf64>, tensor<45x1xf64>, tensor<9x1xf64>)
-      %7 = rel.project %5 width 9 : i64 mode "clamp" isotropic in %6 : tensor<9x1xf64> : tensor<45x1xf64> -> tensor<45x1xf64>
-      %8 = rel.apply @m.t.swell.pull_back(%7) : (tensor<45x1xf64>) -> tensor<78x1xf64>
-      rel.yield_derivative %3 : tensor<1x1xf64> gradient %4 : tensor<12x1xf64> hessian %8 : tensor<78x1xf64> wrt %1 : tensor<4x3xf64>
+      %0 = rel.data @m.t.swell.numbers : 1x1
+      %1 = rel.join @m.v.x through @m.t.corners : 4x3
+      %2 = rel.apply @m.t.swell.derive_uniforms(%0) uniform : 2x1
+      %3, %4, %5, %6 = rel.apply @m.t.swell.derive(%1, %2) : 1x1, 12x1, 45x1, 9x1
+      %7 = rel.project %5 width 9 mode "clamp" isotropic in %6 : 45x1
+      %8 = rel.apply @m.t.swell.pull_back(%7) : 78x1
+      rel.yield_derivative %3 gradient %4 hessian %8 wrt %1
     }
     func.func @m.t.swell.derive_uniforms(%0: f64) -> (f64, f64) {
       %1 = arith.constant 2.000000e+00 : f64
@@ -366,12 +366,12 @@ builtin.module {
   }
   rel.object @m.v.gravity.derivative.object entries ["batch"] {
     rel.derivative @m.v.gravity.derivative of @m.v.gravity on @m.v projection "clamp" indices @m.v.gravity.kappa projects "nowhere: the energy is affine, its Hessian is zero" {
-      %0 = rel.data @m.v.gravity.numbers : tensor<1x1xf64>
-      %x = rel.data @m.v.x : tensor<3x1xf64>
-      %mass = rel.data @m.v.mass : tensor<1x1xf64>
-      %1 = rel.apply @m.v.gravity.derive_uniforms(%0) uniform : (tensor<1x1xf64>) -> tensor<1x1xf64>
-      %2, %3 = rel.apply @m.v.gravity.derive(%mass, %1) : (tensor<1x1xf64>, tensor<1x1xf64>) -> (tensor<1x1xf64>, tensor<3x1xf64>)
-      rel.yield_derivative %2 : tensor<1x1xf64> gradient %3 : tensor<3x1xf64> wrt %x : tensor<3x1xf64>
+      %0 = rel.data @m.v.gravity.numbers : 1x1
+      %x = rel.data @m.v.x : 3x1
+      %mass = rel.data @m.v.mass : 1x1
+      %1 = rel.apply @m.v.gravity.derive_uniforms(%0) uniform : 1x1
+      %2, %3 = rel.apply @m.v.gravity.derive(%mass, %1) : 1x1, 3x1
+      rel.yield_derivative %2 gradient %3 wrt %x
     }
     func.func @m.v.gravity.derive_uniforms(%0: f64) -> f64 {
       func.return %0 : f64
@@ -383,25 +383,25 @@ builtin.module {
     }
   }
   rel.object @m.v.x.kappa.object entries ["call"] {
-    rel.attribute @m.v.x.kappa on @m.v : tensor<1x1xi32> {
-      %0 = rel.target_index @m.v.x : tensor<1x1xi32>
-      rel.yield %0 : tensor<1x1xi32>
+    rel.attribute @m.v.x.kappa on @m.v : 1x1xi32 {
+      %0 = rel.target_index @m.v.x : 1x1xi32
+      rel.yield %0
     }
   }
   rel.object @m.t.swell.kappa.object entries ["batch"] {
-    rel.attribute @m.t.swell.kappa on @m.t : tensor<1x4xi32> {
-      %0 = rel.join @m.v.x.kappa through @m.t.corners : tensor<4x1xi32>
-      %1 = rel.apply @m.t.swell.kappa.value(%0) : (tensor<4x1xi32>) -> tensor<1x4xi32>
-      rel.yield %1 : tensor<1x4xi32>
+    rel.attribute @m.t.swell.kappa on @m.t : 1x4xi32 {
+      %0 = rel.join @m.v.x.kappa through @m.t.corners : 4x1xi32
+      %1 = rel.apply @m.t.swell.kappa.value(%0) : 1x4xi32
+      rel.yield %1
     }
     func.func @m.t.swell.kappa.value(%0: i32, %1: i32, %2: i32, %3: i32) -> (i32, i32, i32, i32) {
       func.return %0, %1, %2, %3 : i32, i32, i32, i32
     }
   }
   rel.object @m.v.gravity.kappa.object entries ["batch"] {
-    rel.attribute @m.v.gravity.kappa on @m.v : tensor<1x1xi32> {
-      %0 = rel.target_index @m.v.x : tensor<1x1xi32>
-      rel.yield %0 : tensor<1x1xi32>
+    rel.attribute @m.v.gravity.kappa on @m.v : 1x1xi32 {
+      %0 = rel.target_index @m.v.x : 1x1xi32
+      rel.yield %0
     }
   }
 }

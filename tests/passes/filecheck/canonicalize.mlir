@@ -2,24 +2,24 @@
 // Upstream's canonicalisation folds with the rules of `mat`.
 
 rel.scene @s {
-  rel.storage @x on @s : tensor<2x2xf64>
-  rel.attribute @a on @s : tensor<2x2xf64> {
-    %x = rel.data @x : tensor<2x2xf64>
-    %i = mat.identity {size = array<i64: 2>} : () -> tensor<2x2xf64>
-    %p = mat.matmul %x, %i : (tensor<2x2xf64>, tensor<2x2xf64>) -> tensor<2x2xf64>
-    %n = mat.neg %p : (tensor<2x2xf64>) -> tensor<2x2xf64>
-    %m = mat.neg %n : (tensor<2x2xf64>) -> tensor<2x2xf64>
-    %t = mat.transpose %m : (tensor<2x2xf64>) -> tensor<2x2xf64>
-    %two = mat.constant {value = dense<2.0> : tensor<1x1xf64>} : () -> tensor<1x1xf64>
-    %root = mat.sqrt %two : (tensor<1x1xf64>) -> tensor<1x1xf64>
-    %s = mat.scale %root, %t : (tensor<1x1xf64>, tensor<2x2xf64>) -> tensor<2x2xf64>
-    rel.yield %s : tensor<2x2xf64>
+  rel.storage @x on @s : 2x2
+  rel.attribute @a on @s : 2x2 {
+    %x = rel.data @x : 2x2
+    %i = mat.identity : 2x2
+    %p = mat.matmul %x, %i : 2x2
+    %n = mat.neg %p : 2x2
+    %m = mat.neg %n : 2x2
+    %t = mat.transpose %m : 2x2
+    %two = mat.constant 2.0 : 1x1
+    %root = mat.sqrt %two : 1x1
+    %s = mat.scale %root, %t : 2x2
+    rel.yield %s
   }
 }
 
-// CHECK:       rel.attribute @a on @s : tensor<2x2xf64> {
-// CHECK-DAG:     [[X:%.+]] = rel.data @x : tensor<2x2xf64>
+// CHECK:       rel.attribute @a on @s : 2x2 {
+// CHECK-DAG:     [[X:%.+]] = rel.data @x : 2x2
 // CHECK-DAG:     [[T:%.+]] = mat.transpose [[X]]
-// CHECK-DAG:     [[R:%.+]] = mat.constant {value = dense<1.41421{{.*}}> : tensor<1x1xf64>}
+// CHECK-DAG:     [[R:%.+]] = mat.constant 1.41421{{.*}} : 1x1
 // CHECK:         [[S:%.+]] = mat.scale [[R]], [[T]]
 // CHECK-NEXT:    rel.yield [[S]]

@@ -3,35 +3,35 @@
 
 rel.scene @s {
   rel.mesh @m in @s
-  rel.primitive @m.v in @m size 3 : i64
-  rel.storage @m.v.x on @m.v : tensor<2x1xf64>
-  rel.attribute @m.v.e on @m.v : tensor<1x1xf64> {
-    %x = rel.data @m.v.x : tensor<2x1xf64>
-    %a = mat.constant {value = dense<[[3.0], [1.0]]> : tensor<2x1xf64>} : () -> tensor<2x1xf64>
-    %k = mat.constant {value = dense<7.0> : tensor<1x1xf64>} : () -> tensor<1x1xf64>
-    %two = mat.constant {value = dense<2.0> : tensor<1x1xf64>} : () -> tensor<1x1xf64>
-    %d = mat.sub %x, %a : (tensor<2x1xf64>, tensor<2x1xf64>) -> tensor<2x1xf64>
-    %n = mat.dot %d, %d : (tensor<2x1xf64>, tensor<2x1xf64>) -> tensor<1x1xf64>
-    %t = mat.scale %two, %n : (tensor<1x1xf64>, tensor<1x1xf64>) -> tensor<1x1xf64>
-    %p = mat.add %t, %k : (tensor<1x1xf64>, tensor<1x1xf64>) -> tensor<1x1xf64>
-    %e = mat.scale %k, %p : (tensor<1x1xf64>, tensor<1x1xf64>) -> tensor<1x1xf64>
-    rel.yield %e : tensor<1x1xf64>
+  rel.primitive @m.v in @m size 3
+  rel.storage @m.v.x on @m.v : 2x1
+  rel.attribute @m.v.e on @m.v : 1x1 {
+    %x = rel.data @m.v.x : 2x1
+    %a = mat.constant [[3.0], [1.0]] : 2x1
+    %k = mat.constant 7.0 : 1x1
+    %two = mat.constant 2.0 : 1x1
+    %d = mat.sub %x, %a : 2x1
+    %n = mat.dot %d, %d : 1x1
+    %t = mat.scale %two, %n : 1x1
+    %p = mat.add %t, %k : 1x1
+    %e = mat.scale %k, %p : 1x1
+    rel.yield %e
   }
   rel.energy @m.v.e projection "clamp"
   rel.target @m.v.x
 }
 
-// CHECK:       rel.storage @m.v.x on @m.v : tensor<2x1xf64>
-// CHECK-NEXT:  rel.storage @m.v.e.numbers on @s : tensor<4x1xf64> constant numbers dense<[[3.000000e+00], [0.000000e+00], [7.000000e+00], [7.000000e+00]]> : tensor<4x1xf64>
-// CHECK-NEXT:  rel.attribute @m.v.e on @m.v : tensor<1x1xf64> {
-// CHECK-NEXT:    [[N:%.+]] = rel.data @m.v.e.numbers : tensor<4x1xf64>
-// CHECK:         [[A:%.+]] = mat.block [[N]] {block = array<i64: 0, 0, 2, 1>}
-// CHECK-NEXT:    [[MASK:%.+]] = mat.constant {value = dense<[[1.000000e+00], [0.000000e+00]]> : tensor<2x1xf64>}
+// CHECK:       rel.storage @m.v.x on @m.v : 2x1
+// CHECK-NEXT:  rel.storage @m.v.e.numbers on @s : 4x1 constant numbers {{\[\[}}3.0], [0.0], [7.0], [7.0]]
+// CHECK-NEXT:  rel.attribute @m.v.e on @m.v : 1x1 {
+// CHECK-NEXT:    [[N:%.+]] = rel.data @m.v.e.numbers : 4x1
+// CHECK:         [[A:%.+]] = mat.block [[N]][0, 0]
+// CHECK-NEXT:    [[MASK:%.+]] = mat.constant {{\[\[}}1.0], [0.0]] : 2x1
 // CHECK-NEXT:    [[FREE:%.+]] = mat.hadamard [[MASK]], [[A]]
-// CHECK-NEXT:    [[KNOWN:%.+]] = mat.constant {value = dense<[[0.000000e+00], [1.000000e+00]]> : tensor<2x1xf64>}
+// CHECK-NEXT:    [[KNOWN:%.+]] = mat.constant {{\[\[}}0.0], [1.0]] : 2x1
 // CHECK-NEXT:    mat.add [[FREE]], [[KNOWN]]
-// CHECK:         mat.constant {value = dense<2.000000e+00> : tensor<1x1xf64>}
-// CHECK:         [[SHIFT:%.+]] = mat.block [[N]] {block = array<i64: 2, 0, 1, 1>}
+// CHECK:         mat.constant 2.0 : 1x1
+// CHECK:         [[SHIFT:%.+]] = mat.block [[N]][2, 0]
 // CHECK-NEXT:    [[P:%.+]] = mat.add {{.*}}, [[SHIFT]]
-// CHECK-NEXT:    [[K:%.+]] = mat.block [[N]] {block = array<i64: 3, 0, 1, 1>}
+// CHECK-NEXT:    [[K:%.+]] = mat.block [[N]][3, 0]
 // CHECK-NEXT:    mat.scale [[K]], [[P]]

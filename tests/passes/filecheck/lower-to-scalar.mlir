@@ -4,27 +4,27 @@
 
 rel.scene @s {
   rel.mesh @m in @s
-  rel.primitive @m.v in @m size 3 : i64
-  rel.storage @m.k on @m : tensor<1x1xf64> constant
-  rel.storage @m.v.x on @m.v : tensor<2x1xf64>
-  rel.attribute @m.v.e on @m.v : tensor<1x1xf64> {
-    %k = rel.data @m.k : tensor<1x1xf64>
-    %x = rel.data @m.v.x : tensor<2x1xf64>
-    %d = mat.dot %x, %x : (tensor<2x1xf64>, tensor<2x1xf64>) -> tensor<1x1xf64>
-    %e = mat.scale %k, %d : (tensor<1x1xf64>, tensor<1x1xf64>) -> tensor<1x1xf64>
-    rel.yield %e : tensor<1x1xf64>
+  rel.primitive @m.v in @m size 3
+  rel.storage @m.k on @m : 1x1 constant
+  rel.storage @m.v.x on @m.v : 2x1
+  rel.attribute @m.v.e on @m.v : 1x1 {
+    %k = rel.data @m.k : 1x1
+    %x = rel.data @m.v.x : 2x1
+    %d = mat.dot %x, %x : 1x1
+    %e = mat.scale %k, %d : 1x1
+    rel.yield %e
   }
   rel.energy @m.v.e projection "clamp"
   rel.target @m.v.x
 }
 
-// CHECK:       rel.attribute @m.v.e on @m.v : tensor<1x1xf64> {
-// CHECK:         [[U:%.+]] = rel.apply @m.v.e.value_uniforms(%k) uniform : (tensor<1x1xf64>) -> tensor<1x1xf64>
-// CHECK-NEXT:    rel.apply @m.v.e.value(%x, [[U]]) : (tensor<2x1xf64>, tensor<1x1xf64>) -> tensor<1x1xf64>
+// CHECK:       rel.attribute @m.v.e on @m.v : 1x1 {
+// CHECK:         [[U:%.+]] = rel.apply @m.v.e.value_uniforms(%k) uniform : 1x1
+// CHECK-NEXT:    rel.apply @m.v.e.value(%x, [[U]]) : 1x1
 // CHECK:       rel.derivative @m.v.e.derivative {{.*}} projects "2x2 of 2x2: no narrower linear cut" {
-// CHECK:         [[E:%.+]], [[G:%.+]], [[S:%.+]] = rel.apply @m.v.e.derive({{.*}}) : {{.*}} -> (tensor<1x1xf64>, tensor<2x1xf64>, tensor<3x1xf64>)
-// CHECK-NEXT:    [[H:%.+]] = rel.project [[S]] width 2 : i64 mode "clamp" : tensor<3x1xf64> -> tensor<3x1xf64>
-// CHECK-NEXT:    rel.yield_derivative [[E]] : tensor<1x1xf64> gradient [[G]] : tensor<2x1xf64> hessian [[H]] : tensor<3x1xf64> wrt
+// CHECK:         [[E:%.+]], [[G:%.+]], [[S:%.+]] = rel.apply @m.v.e.derive({{.*}}) : 1x1, 2x1, 3x1
+// CHECK-NEXT:    [[H:%.+]] = rel.project [[S]] width 2 mode "clamp" : 3x1
+// CHECK-NEXT:    rel.yield_derivative [[E]] gradient [[G]] hessian [[H]] wrt
 // CHECK:       func.func @m.v.e.value([[X:%.+]]: f64, [[Y:%.+]]: f64, [[K:%.+]]: f64) -> f64 {
 // CHECK-NEXT:    [[XX:%.+]] = arith.mulf [[X]], [[X]] : f64
 // CHECK-NEXT:    [[YY:%.+]] = arith.mulf [[Y]], [[Y]] : f64

@@ -3,13 +3,13 @@
 
 rel.scene @s {
   rel.mesh @m in @s
-  rel.primitive @m.v in @m size 2 : i64
-  rel.storage @m.v.x on @m.v : tensor<2x2xf64>
-  rel.attribute @m.v.e on @m.v : tensor<1x1xf64> {
-    %x = rel.data @m.v.x : tensor<2x2xf64>
-    %p = mat.project_psd %x {mode = "clamp"} : (tensor<2x2xf64>) -> tensor<2x2xf64>
-    %d = mat.det %p : (tensor<2x2xf64>) -> tensor<1x1xf64>
-    rel.yield %d : tensor<1x1xf64>
+  rel.primitive @m.v in @m size 2
+  rel.storage @m.v.x on @m.v : 2x2
+  rel.attribute @m.v.e on @m.v : 1x1 {
+    %x = rel.data @m.v.x : 2x2
+    %p = mat.project_psd %x mode "clamp" : 2x2
+    %d = mat.det %p : 1x1
+    rel.yield %d
   } loc("bridge.py":12:0)
   rel.energy @m.v.e projection "clamp"
   rel.target @m.v.x

@@ -3,46 +3,46 @@
 
 rel.scene @s {
   rel.mesh @m in @s
-  rel.primitive @m.v in @m size 2 : i64
-  rel.storage @m.v.x on @m.v : tensor<3x1xf64>
-  rel.attribute @m.v.e on @m.v : tensor<1x1xf64>
-  rel.attribute @m.v.f on @m.v : tensor<1x1xf64>
-  rel.attribute @m.v.g on @m.v : tensor<1x1xf64>
+  rel.primitive @m.v in @m size 2
+  rel.storage @m.v.x on @m.v : 3x1
+  rel.attribute @m.v.e on @m.v : 1x1
+  rel.attribute @m.v.f on @m.v : 1x1
+  rel.attribute @m.v.g on @m.v : 1x1
   rel.target @m.v.x
   rel.derivative @m.v.e.derivative of @m.v.e on @m.v projection "abs" {
-    %x = rel.data @m.v.x : tensor<3x1xf64>
-    %l = mat.constant {value = dense<[[1.0, 2.0, 3.0], [0.0, 1.0, 0.0]]> : tensor<2x3xf64>} : () -> tensor<2x3xf64>
-    %k = mat.constant {value = dense<[[1.0, 2.0], [2.0, 1.0]]> : tensor<2x2xf64>} : () -> tensor<2x2xf64>
-    %n = mat.norm %x : (tensor<3x1xf64>) -> tensor<1x1xf64>
-    %s = mat.scale %n, %k : (tensor<1x1xf64>, tensor<2x2xf64>) -> tensor<2x2xf64>
-    %h = mat.congruence %s, %l : (tensor<2x2xf64>, tensor<2x3xf64>) -> tensor<3x3xf64>
-    %y = mat.matmul %h, %x : (tensor<3x3xf64>, tensor<3x1xf64>) -> tensor<3x1xf64>
-    rel.yield_derivative %n : tensor<1x1xf64> gradient %y : tensor<3x1xf64> hessian %h : tensor<3x3xf64> wrt %x : tensor<3x1xf64>
+    %x = rel.data @m.v.x : 3x1
+    %l = mat.constant [[1.0, 2.0, 3.0], [0.0, 1.0, 0.0]] : 2x3
+    %k = mat.constant [[1.0, 2.0], [2.0, 1.0]] : 2x2
+    %n = mat.norm %x : 1x1
+    %s = mat.scale %n, %k : 2x2
+    %h = mat.congruence %s, %l : 3x3
+    %y = mat.matmul %h, %x : 3x1
+    rel.yield_derivative %n gradient %y hessian %h wrt %x
   }
   rel.derivative @m.v.f.derivative of @m.v.f on @m.v projection "none" {
-    %x = rel.data @m.v.x : tensor<3x1xf64>
-    %t = mat.transpose %x : (tensor<3x1xf64>) -> tensor<1x3xf64>
-    %h = mat.matmul %x, %t : (tensor<3x1xf64>, tensor<1x3xf64>) -> tensor<3x3xf64>
-    %n = mat.norm %x : (tensor<3x1xf64>) -> tensor<1x1xf64>
-    rel.yield_derivative %n : tensor<1x1xf64> gradient %x : tensor<3x1xf64> hessian %h : tensor<3x3xf64> wrt %x : tensor<3x1xf64>
+    %x = rel.data @m.v.x : 3x1
+    %t = mat.transpose %x : 1x3
+    %h = mat.matmul %x, %t : 3x3
+    %n = mat.norm %x : 1x1
+    rel.yield_derivative %n gradient %x hessian %h wrt %x
   }
   rel.derivative @m.v.g.derivative of @m.v.g on @m.v projection "clamp" {
-    %x = rel.data @m.v.x : tensor<3x1xf64>
-    %y = mat.constant {value = dense<[[1.0], [2.0], [3.0]]> : tensor<3x1xf64>} : () -> tensor<3x1xf64>
-    %n = mat.dot %x, %y : (tensor<3x1xf64>, tensor<3x1xf64>) -> tensor<1x1xf64>
-    rel.yield_derivative %n : tensor<1x1xf64> gradient %y : tensor<3x1xf64> wrt %x : tensor<3x1xf64>
+    %x = rel.data @m.v.x : 3x1
+    %y = mat.constant [[1.0], [2.0], [3.0]] : 3x1
+    %n = mat.dot %x, %y : 1x1
+    rel.yield_derivative %n gradient %y wrt %x
   }
 }
 
 // CHECK:       rel.derivative @m.v.e.derivative {{.*}} projection "abs" projects "2x2 of 3x3: the energy reads its
-// CHECK:         [[L:%.+]] = mat.constant {{.*}} -> tensor<2x3xf64>
+// CHECK:         [[L:%.+]] = mat.constant {{.*}} : 2x3
 // CHECK:         [[N:%.+]] = mat.norm
 // CHECK-NEXT:    [[S:%.+]] = mat.scale
 // CHECK-NEXT:    [[H:%.+]] = mat.congruence [[S]], [[L]]
 // CHECK-NEXT:    [[G:%.+]] = mat.matmul [[H]], %x
-// CHECK-NEXT:    [[P:%.+]] = mat.project_psd [[S]] {mode = "abs"} : (tensor<2x2xf64>) -> tensor<2x2xf64>
-// CHECK-NEXT:    [[Q:%.+]] = mat.congruence [[P]], [[L]] : (tensor<2x2xf64>, tensor<2x3xf64>) -> tensor<3x3xf64>
-// CHECK-NEXT:    rel.yield_derivative [[N]] : tensor<1x1xf64> gradient [[G]] : tensor<3x1xf64> hessian [[Q]] : tensor<3x3xf64>
+// CHECK-NEXT:    [[P:%.+]] = mat.project_psd [[S]] mode "abs" : 2x2
+// CHECK-NEXT:    [[Q:%.+]] = mat.congruence [[P]], [[L]] : 3x3
+// CHECK-NEXT:    rel.yield_derivative [[N]] gradient [[G]] hessian [[Q]]
 // CHECK:       rel.derivative @m.v.f.derivative {{.*}} projects "nowhere: switched off" {
 // CHECK-NOT:     mat.project_psd
 // CHECK:       rel.derivative @m.v.g.derivative {{.*}} projects "nowhere: the energy is affine, its Hessian is zero" {
