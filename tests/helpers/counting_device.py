@@ -36,3 +36,16 @@ class CountingDevice(HostDevice):
             raise DeviceMemoryError(f"{purpose}: {size} bytes were asked for, and refused")
         self.allocation_count += 1
         return super().allocate(size, purpose)
+
+
+class RefusingDevice(HostDevice):
+    """Has no room after some allocations."""
+
+    granted = 1000
+
+    def allocate(self, size: int, purpose: str) -> HostMemory:
+        """As on the host, as long as it is granted."""
+        if self.granted == 0:
+            raise DeviceMemoryError(f"no room for {purpose}")
+        self.granted -= 1
+        return super().allocate(size, purpose)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 
 import mypy.api
@@ -10,16 +11,20 @@ import pytest
 ROOT = Path(__file__).parents[2]
 
 
-def problems(script: str, folder: Path) -> list[str]:
-    """The errors in strict mode, a line each; the script is written into the folder.
+def problems(scripts: Sequence[str], folder: Path) -> list[list[str]]:
+    """For each script the errors in strict mode, a line each; they are written into the folder and checked in one go.
 
     The cache is that of `mypy` in the checkout, which CI has filled by then; from an empty one it takes a minute.
     """
-    file = folder / "script.py"
-    file.write_text(script, encoding="utf-8")
+    files = [folder / f"script_{k}.py" for k in range(len(scripts))]
+    for file, script in zip(files, scripts, strict=True):
+        file.write_text(script, encoding="utf-8")
     options = ["--strict", "--config-file", str(ROOT / "pyproject.toml"), "--cache-dir", str(ROOT / ".mypy_cache")]
     with pytest.MonkeyPatch.context() as patch:
         patch.chdir(ROOT)
-        said, errors, _ = mypy.api.run([*options, "--no-error-summary", str(file)])
+        said, errors, _ = mypy.api.run([*options, "--no-error-summary", *map(str, files)])
     assert errors == ""
-    return [line for line in said.splitlines() if "error:" in line]
+    lines = [line for line in said.splitlines() if "error:" in line]
+    found = [[line for line in lines if Path(line.split(":")[0]).name == file.name] for file in files]
+    assert sum(map(len, found)) == len(lines), said
+    return found

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from functools import cache
+from functools import cache, cached_property
 
 import numpy as np
 import pytest
@@ -18,13 +18,30 @@ from yasps.passes.pipeline import run_pipeline
 
 @dataclass(frozen=True)
 class Stage:
-    """The module after a pass."""
+    """The module after a pass, and what it means; each number is computed when it is first asked for."""
 
     text: str
     module: ModuleOp
-    energy: float
-    gradient: NDArray[np.float64] | None
-    hessian: NDArray[np.float64] | None
+    data: SceneData = field(repr=False)
+
+    @cached_property
+    def energy(self) -> float:
+        """The total energy."""
+        return float(Interpreter(self.module, self.data).total_energy())
+
+    @cached_property
+    def _assembled(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        return dense_assembly(self.module, self.data)
+
+    @property
+    def gradient(self) -> NDArray[np.float64]:
+        """By the interpreter, of a stage that has derivatives."""
+        return self._assembled[0]
+
+    @property
+    def hessian(self) -> NDArray[np.float64]:
+        """By the interpreter, of a stage that has derivatives."""
+        return self._assembled[1]
 
 
 @dataclass(frozen=True)
@@ -34,34 +51,40 @@ class Run:
     data: SceneData
     targets: list[str]
     stages: dict[str, Stage]
-    gradient: NDArray[np.float64] = field(repr=False)
-    hessian: NDArray[np.float64] = field(repr=False)
 
     @property
     def last(self) -> ModuleOp:
         """The module the backend gets."""
         return list(self.stages.values())[-1].module
 
+    @cached_property
+    def gradient(self) -> NDArray[np.float64]:
+        """By complex steps of the energy."""
+        return self._along_each_unknown("frontend", lambda interpreter: interpreter.total_energy())
+
+    @cached_property
+    def hessian(self) -> NDArray[np.float64]:
+        """By complex steps of the gradient."""
+        return self._along_each_unknown("differentiate", lambda interpreter: interpreter.assemble()[0])
+
+    def _along_each_unknown(self, stage: str, of: Callable[[Interpreter], object]) -> NDArray[np.float64]:
+        return np.asarray(along_each_unknown(self.stages[stage].module, self.data, self.targets, of))
+
 
 @cache
 def _run(scene: str, projection: str) -> Run:
     emitted = emit(SCENES[scene](projection))
     stages: dict[str, Stage] = {}
+    known: dict[str, Stage] = {}
 
     def after(name: str, module: ModuleOp) -> None:
-        copy = module.clone()
-        interpreter = Interpreter(copy, emitted.data)
-        derivatives = dense_assembly(copy, emitted.data) if interpreter.scene.derivatives else (None, None)
-        stages[name] = Stage(str(module), copy, float(interpreter.total_energy()), *derivatives)
+        text = str(module)
+        if text not in known:  # a pass that changes nothing has the stage before it
+            known[text] = Stage(text, module.clone(), emitted.data)
+        stages[name] = known[text]
 
     run_pipeline(emitted.module, None, after)
-    gradient = along_each_unknown(
-        stages["frontend"].module, emitted.data, emitted.targets, lambda interpreter: interpreter.total_energy()
-    )
-    hessian = along_each_unknown(
-        stages["differentiate"].module, emitted.data, emitted.targets, lambda interpreter: interpreter.assemble()[0]
-    )
-    return Run(emitted.data, emitted.targets, stages, gradient, hessian)
+    return Run(emitted.data, emitted.targets, stages)
 
 
 @pytest.fixture(scope="session")

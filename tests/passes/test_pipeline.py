@@ -56,7 +56,7 @@ def test_projected_hessians_are_kept_by_every_pass(run: Any) -> None:
         assert eigenvalues[0] > -1e-12 * eigenvalues[-1], name
 
 
-def test_the_scenes_have_something_to_project(run: Any, pipeline_run: Any) -> None:
+def test_the_scenes_have_something_to_project(pipeline_run: Any) -> None:
     """Otherwise the tests of projection would test nothing."""
     for name in ("soft_tets", "mixed_union", "shared_targets"):
         assert np.linalg.eigvalsh(pipeline_run(name, "none").hessian)[0] < -1e-3

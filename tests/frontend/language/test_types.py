@@ -5,7 +5,6 @@ from __future__ import annotations
 import ast
 import importlib.util
 import re
-from pathlib import Path
 from types import ModuleType
 
 import pytest
@@ -135,20 +134,26 @@ mesh.points.add_atribute("x", 3, 1)
 """
 
 
-def test_both_spellings_are_typed(tmp_path: Path) -> None:
+@pytest.fixture(scope="module")
+def said(tmp_path_factory: pytest.TempPathFactory) -> dict[str, list[str]]:
+    """The errors of each of these scripts."""
+    scripts = [TABLE_4, PYTHONS, READING, WRONG]
+    return dict(zip(scripts, problems(scripts, tmp_path_factory.mktemp("scripts")), strict=True))
+
+
+def test_both_spellings_are_typed(said: dict[str, list[str]]) -> None:
     assert "num_instances=1" in PYTHONS
-    assert problems(TABLE_4, tmp_path) == []
-    assert problems(PYTHONS, tmp_path) == []
+    assert said[TABLE_4] == []
+    assert said[PYTHONS] == []
 
 
-def test_parts_are_read_by_their_names(tmp_path: Path) -> None:
-    assert problems(READING, tmp_path) == []
+def test_parts_are_read_by_their_names(said: dict[str, list[str]]) -> None:
+    assert said[READING] == []
 
 
-def test_what_there_is_not_is_an_error(tmp_path: Path) -> None:
-    said = problems(WRONG, tmp_path)
-    found = {int(line.split(":")[1]) for line in said}
+def test_what_there_is_not_is_an_error(said: dict[str, list[str]]) -> None:
+    found = {int(line.split(":")[1]) for line in said[WRONG]}
     harmless = {"", "import yasps", 'scene = yasps.Scene("s")', 'mesh = scene.add_mesh("m")'}
     harmless |= {'points = mesh.add_primitive("hook", 1)', 'x = points.addAttribute("x", rows=3, cols=1)'}
     lines = enumerate(WRONG.splitlines(), start=1)
-    assert found == {number for number, line in lines if line not in harmless}, "\n".join(said)
+    assert found == {number for number, line in lines if line not in harmless}, "\n".join(said[WRONG])

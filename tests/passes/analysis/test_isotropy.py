@@ -93,6 +93,8 @@ UNPROVEN: dict[str, Energy] = {
     "a constant matrix": lambda f: (f.T * f).dot(TILTED) * f.det(),
     "an unequal diagonal": lambda f: (f.T * f + np.diag([1.0, 1.0, 2.0])).det(),
     "F and its transpose": lambda f: (f + f.T).norm() ** 3 * f.det(),
+    "a choice, its first side": lambda f: select(f.det() < 1.0, stable(f) + f[0, 0] ** 4, stable(f)),
+    "a choice, its second side": lambda f: select(f.det() < 1.0, stable(f), stable(f) + f[0, 0] ** 4),
 }
 
 

@@ -195,6 +195,26 @@ def test_an_affine_energy_of_a_nonlinear_parameterisation_is_curved() -> None:
     assert derivative.curved is not None
 
 
+@pytest.mark.parametrize("in_union", [False, True])
+def test_an_affine_layer_in_front_of_a_nonlinear_one_is_curved(in_union: bool) -> None:
+    """It has no curvature of its own, but what it reads has."""
+    scene, pair = _bent()
+    middles = scene.m.p.add_attribute("middle", computed_attribute=0.5 * (pair.row(0) + pair.row(1)))
+    front = scene.m.p
+    if in_union:
+        front = scene.m.add_primitive_union("u", [scene.m.p])
+        middles = front.add_attribute("middle")
+    edges = scene.m.add_primitive("e", 2)
+    ends = edges.add_connectivity("ends", front, [[0, 1], [1, 2]], 2)
+    x = edges.add_attribute("x", through=ends, source=middles)
+    between = x.row(0) - x.row(1)
+    scene.add_energy(edges.add_attribute("e", computed_attribute=between.dot(between)), projection="none")
+    check(scene)
+    module, (derivative,), _ = derived(scene)
+    assert [op.symbol for op in module.walk() if isinstance(op, CurvatureOp)] == ["m.v.bent.curvature"]
+    assert derivative.curved is not None
+
+
 def test_affine_parameterisations_are_not_curved(pipeline_run: Callable[..., object]) -> None:
     text = pipeline_run("mixed_union", "clamp").stages["differentiate"].text  # type: ignore[attr-defined]
     assert "rel.jacobian" in text

@@ -60,3 +60,12 @@ def test_what_a_join_reads_is_kept() -> None:
     joined = pairs.add_attribute("roots", through=ends, source=points["root"])
     scene.add_energy(pairs.add_attribute("e", computed_attribute=joined.dot(joined)))
     assert list(_inlined(scene)) == ["m.v.root", "m.v.e", "m.p.e"]
+
+
+def test_what_only_a_union_reads_is_kept() -> None:
+    scene = _scene()
+    union = scene.m.add_primitive_union("u", [scene.m.v, scene.m.add_primitive("w", 1)])
+    scene.m.w.add_attribute("root", computed_attribute=2.0 * scene.m.w.add_attribute("x", 1, 1))
+    root = union.add_attribute("root")
+    scene.add_energy(union.add_attribute("e", computed_attribute=root * root))
+    assert set(_inlined(scene)) == {"m.v.root", "m.w.root", "m.u.root", "m.v.e", "m.u.e"}

@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from counting_device import RefusingDevice
 from cuda_on_host import HostDevice, HostProgram
 from numpy.typing import NDArray
 
@@ -135,13 +136,14 @@ def test_no_unknowns(program: HostProgram, device: HostDevice) -> None:
 
 
 def test_out_of_memory_leaves_a_gradient_that_can_be_built_again(program: HostProgram) -> None:
+    """Each allocation fails once."""
     size_at, kappas = random_slots(3, 30, 200)
     refusals = 0
-    for limit in range(0, 1_000_000, 3000):
-        device = HostDevice()
+    while True:
+        device = RefusingDevice()
         gradient = CudaGradient(device, program, deterministic=True)
         sizes, slots = on_device(device, size_at), [on_device(device, kappa) for kappa in kappas]
-        device.most_bytes = device.used + limit
+        device.granted = refusals
         try:
             gradient.build(size_at.size, sizes, slots)
         except DeviceMemoryError:
@@ -149,7 +151,7 @@ def test_out_of_memory_leaves_a_gradient_that_can_be_built_again(program: HostPr
         else:
             break
         assert gradient.size == 0
-        device.most_bytes = 1 << 30
+        device.granted = 1000
         gradient.build(size_at.size, sizes, slots)
         gradient.clear()
         gradient.finish()

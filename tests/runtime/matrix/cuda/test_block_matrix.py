@@ -9,7 +9,8 @@ from typing import Any
 
 import numpy as np
 import pytest
-from cuda_on_host import HostDevice, HostMemory, HostProgram
+from counting_device import RefusingDevice
+from cuda_on_host import HostDevice, HostProgram
 from numpy.typing import NDArray
 
 from yasps import DeviceMemoryError
@@ -63,19 +64,6 @@ class CountingDevice(HostDevice):
         """As on the host."""
         self.downloads += 1
         super().download(address, array)
-
-
-class RefusingDevice(HostDevice):
-    """Has no room after some allocations."""
-
-    granted = 1000
-
-    def allocate(self, size: int, purpose: str) -> HostMemory:
-        """As on the host, as long as it is granted."""
-        if self.granted == 0:
-            raise DeviceMemoryError(f"no room for {purpose}")
-        self.granted -= 1
-        return super().allocate(size, purpose)
 
 
 @pytest.fixture(scope="module")
@@ -378,7 +366,7 @@ def test_out_of_memory_leaves_a_matrix_that_can_be_built_again(
     runtime: Runtime, program: HostProgram, deterministic: bool
 ) -> None:
     """Each allocation fails once."""
-    scene = random_scene(8, most_blocks=30, instances=100)
+    scene = random_scene(8, most_blocks=12, instances=25)
     layout, small = (scene.boundaries, scene.block_sizes), [scene.kappas[1][:2]]
     refusals, kept = 0, 0
     while True:
