@@ -6,6 +6,7 @@ import importlib.util
 import re
 from pathlib import Path
 from types import ModuleType
+from typing import Any
 
 import numpy as np
 import pytest
@@ -274,10 +275,20 @@ def test_the_rotation_of_a_vector_is_one() -> None:
     np.testing.assert_allclose(rotation.compute().array, Rotation.from_rotvec(r).as_matrix(), atol=1e-15)
 
 
+def test_a_hinge_in_numpys_words_is_what_numpy_computes() -> None:
+    x = np.array([[0.0, 0.0, 0.0], [1.0, 0.2, 0.0], [0.4, 1.0, 0.3], [0.5, -1.0, 0.2]])
+    hinges = Scene("hinge", threads=1).add_mesh("m").add_primitive("hinges", 1)
+    symbolic: dict[str, Any] = {"x": hinges.add_attribute("x", 4, 3, value=x), "np": np, "length": 0.9}
+    numbers: dict[str, Any] = {"x": x, "np": np, "length": 0.9}
+    for names in (symbolic, numbers):
+        exec(snippet("np.arctan2"), names)
+    assert symbolic["energy"].value.item() == pytest.approx(float(numbers["energy"]), rel=1e-14)
+
+
 def test_every_python_block_is_run() -> None:
     """Whoever writes one more writes a test of it."""
     shown = {name.name: len(re.findall(r"```python", name.read_text(encoding="utf-8"))) for name in DOCUMENTS}
-    run = {"README.md": 1, "architecture.md": 1, "contact-and-stepping.md": 2, "gpu.md": 1, "language.md": 5}
+    run = {"README.md": 1, "architecture.md": 1, "contact-and-stepping.md": 2, "gpu.md": 1, "language.md": 6}
     assert {name: count for name, count in shown.items() if count} == run
 
 
