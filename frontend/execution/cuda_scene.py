@@ -26,11 +26,13 @@ from yasps.frontend.execution.device_report import CUDA_KEY
 from yasps.frontend.execution.scene_source import CompileRequest
 from yasps.frontend.language.attribute import FloatArray, Stored
 from yasps.frontend.language.scene_lock import one_thread_at_a_time
+from yasps.runtime.assembly.cuda.gradient import CudaGradient
 from yasps.runtime.assembly.cuda.sum import DeviceSum
 from yasps.runtime.device.foreign_arrays import DeviceIndices
 from yasps.runtime.device.protocol import Device, DeviceArray
 from yasps.runtime.matrix.block_matrix import BlockGroup
-from yasps.runtime.matrix.cuda.block_matrix import BuildScratch, CudaBlockMatrix, CudaGradient
+from yasps.runtime.matrix.cuda.block_matrix import CudaBlockMatrix
+from yasps.runtime.matrix.cuda.build import BuildScratch
 from yasps.runtime.solvers.cuda.pcg import CudaSolver
 from yasps.runtime.solvers.options import SolveOptions
 from yasps.runtime.solvers.pcg import SolveReport
