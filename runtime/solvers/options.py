@@ -38,10 +38,10 @@ class SolveOptions:
         tolerance, most = self.tolerance, self.max_iterations
         number = isinstance(tolerance, float | int | np.floating) and not isinstance(tolerance, bool)
         if not number or not 0 <= tolerance < np.inf:
-            raise ValueError(f"tolerance must be a finite number >= 0, got {tolerance!r}")
+            raise ValueError(f"tolerance of the linear solver must be a finite number >= 0, got {tolerance!r}")
         integer = isinstance(most, int | np.integer) and not isinstance(most, bool)
         if not integer or not 0 <= most < _MOST_ITERATIONS:
-            raise ValueError(f"max_iterations must be an integer >= 0, got {most!r}")
+            raise ValueError(f"max_iterations of the linear solver must be an integer >= 0, got {most!r}")
         if self.solver not in SOLVERS:
             raise ValueError(f"solver must be one of {', '.join(SOLVERS)}, got {self.solver!r}")
         if self.projection not in WHEN_TO_PROJECT:
