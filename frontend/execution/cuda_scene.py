@@ -31,8 +31,7 @@ from yasps.runtime.assembly.cuda.sum import DeviceSum
 from yasps.runtime.device.foreign_arrays import DeviceIndices
 from yasps.runtime.device.protocol import Device, DeviceArray
 from yasps.runtime.matrix.block_matrix import BlockGroup
-from yasps.runtime.matrix.cuda.block_matrix import CudaBlockMatrix
-from yasps.runtime.matrix.cuda.build import BuildScratch
+from yasps.runtime.matrix.cuda.block_matrix import BuildScratch, CudaBlockMatrix
 from yasps.runtime.solvers.cuda.pcg import CudaSolver
 from yasps.runtime.solvers.options import SolveOptions
 from yasps.runtime.solvers.pcg import SolveReport

@@ -24,6 +24,8 @@ from yasps.runtime.matrix.cuda.build import (
     find_first_sources,
 )
 
+__all__ = ["BuildScratch", "CudaBlockGroup", "CudaBlockMatrix"]
+
 # The two highest bits of a key carry the flags of a position.
 _KEY_BITS = 62
 _NO_BOUNDARIES = np.zeros(1, np.int64)

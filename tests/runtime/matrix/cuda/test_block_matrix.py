@@ -16,8 +16,7 @@ from yasps.runtime.build.cuda.sources import runtime_sources
 from yasps.runtime.core.library import Runtime
 from yasps.runtime.device.protocol import DeviceArray, DeviceMemoryError
 from yasps.runtime.matrix.block_matrix import BlockMatrix
-from yasps.runtime.matrix.cuda.block_matrix import CudaBlockMatrix
-from yasps.runtime.matrix.cuda.build import BuildScratch
+from yasps.runtime.matrix.cuda.block_matrix import BuildScratch, CudaBlockMatrix
 
 
 @dataclass(frozen=True)
