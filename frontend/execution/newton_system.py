@@ -16,6 +16,7 @@ __all__ = [
     "SOLVERS",
     "WHEN_TO_PROJECT",
     "NewtonSolution",
+    "SolveOptions",
     "Stages",
     "advice_on",
     "solve_newton_system",

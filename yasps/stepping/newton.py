@@ -15,14 +15,13 @@ from numpy.typing import ArrayLike
 from yasps.contact.barrier import BarrierContact
 from yasps.contact.collision_geometry import Candidates
 from yasps.frontend.errors import NotConvergedError, SceneError
-from yasps.frontend.execution.newton_system import advice_on, solve_newton_system, solve_options
+from yasps.frontend.execution.newton_system import SolveOptions, advice_on, solve_newton_system, solve_options
 from yasps.frontend.language.arrays import in_instances, positive_number, real_numbers
 from yasps.frontend.language.attribute import Attribute, FloatArray
 from yasps.frontend.language.in_scene import InScene
 from yasps.frontend.language.scene_lock import SceneLock, one_thread_at_a_time
 from yasps.frontend.scene import Scene
 from yasps.output.progress import TimeTable
-from yasps.runtime.solvers.options import SolveOptions
 
 ROUNDING = 1e-15
 """Relative change of a total energy that is only rounding."""
