@@ -30,6 +30,7 @@ from yasps.runtime.device.protocol import Device, DeviceArray, LoadedProgram
 from yasps.runtime.matrix.block_matrix import BlockMatrix
 from yasps.runtime.matrix.cuda.block_matrix import CudaBlockMatrix
 from yasps.runtime.solvers.cuda.pcg import CudaSolver, least_bytes_per_iteration
+from yasps.runtime.solvers.options import SolveOptions
 from yasps.runtime.solvers.pcg import PcgSolver
 
 MS = "ms"
@@ -100,7 +101,7 @@ class _DeviceCase:
 
     def solve(self) -> None:
         """Some iterations."""
-        self.solver.solve([self.matrix], self.x, 0.0, ITERATIONS)
+        self.solver.solve([self.matrix], self.x, SolveOptions(0.0, ITERATIONS))
 
 
 def _sorted_values(matrix: BlockMatrix) -> np.ndarray:
@@ -170,17 +171,17 @@ def _solver_rows(make: MakeProblem, settings: Settings, device: Device, bandwidt
     assert isinstance(gpu, CudaScene)
     pcg, parts, g = PcgSolver(load_runtime(find_compiler())), [gpu.static_matrix, gpu.dynamic_matrix], ours.gradient
     right = _vector(device, theirs.gradient)
-    cpu_report = pcg.solve(ours.parts, g, TOLERANCE, MAX_ITERATIONS, threads=settings.threads)[1]
-    report = gpu._solver.solve(parts, right, TOLERANCE, MAX_ITERATIONS)[1]
+    cpu_report = pcg.solve(ours.parts, g, SolveOptions(TOLERANCE, MAX_ITERATIONS), threads=settings.threads)[1]
+    report = gpu._solver.solve(parts, right, SolveOptions(TOLERANCE, MAX_ITERATIONS))[1]
     for where, one in (("the CPU", cpu_report), (device.name, report)):
         if not one.converged:
             raise SystemNotSolvedError(f"{ours.name}: conjugate gradients on {where} ended with: {one}")
 
     def solve() -> None:
-        pcg.solve(ours.parts, g, TOLERANCE, MAX_ITERATIONS, threads=settings.threads)
+        pcg.solve(ours.parts, g, SolveOptions(TOLERANCE, MAX_ITERATIONS), threads=settings.threads)
 
     def solve_there() -> None:
-        gpu._solver.solve(parts, right, TOLERANCE, MAX_ITERATIONS)
+        gpu._solver.solve(parts, right, SolveOptions(TOLERANCE, MAX_ITERATIONS))
 
     peers = [
         Peer(ours.name, "yasps PCG", settings.threads, solve, 1.0, "s"),

@@ -18,6 +18,7 @@ from benchmarks.contact_problem import close_pairs, union_scene
 from benchmarks.element_problem import box_of_tets, elements_scene
 from benchmarks.measure import Report, Row, Settings
 from yasps import Scene
+from yasps.runtime.solvers.options import SolveOptions
 
 DESCRIPTION = "peak memory for each tet and contact pair beyond matrix, vectors and indices, bytes"
 DEFAULT_SIZE = 200_000
@@ -76,7 +77,7 @@ def measure_here(kind: str, size: int, threads: int) -> Measurement:
     """In this process, which must not have done such a thing before. Raises UnsupportedSystemError."""
     # What is imported or allocated once must not hide in a peak; enough to be reordered, which imports SciPy.
     first = KINDS[kind](WARM_UP, threads).compile()
-    first.solve_linear(first.assemble(), 0.0, 3)
+    first.solve_linear(first.assemble(), SolveOptions(0.0, 3))
     del first
     compiled = KINDS[kind](size, threads).compile()
     compiled.bind()
@@ -89,7 +90,7 @@ def measure_here(kind: str, size: int, threads: int) -> Measurement:
     gradient = compiled.assemble()
     assembly = _status("VmHWM") - before
     # As far as it gets: without inertia the matrix is singular.
-    compiled.solve_linear(gradient, 0.0, 3)
+    compiled.solve_linear(gradient, SolveOptions(0.0, 3))
     solver = _status("VmHWM") - before
     (term,) = compiled._terms
     placement = compiled.placements[term.symbol]

@@ -17,6 +17,7 @@ from yasps.frontend.commands.environment_report import cpu_model
 from yasps.runtime.core.library import available_processors
 from yasps.runtime.matrix.block_matrix import BlockMatrix
 from yasps.runtime.solvers.direct import LIBRARIES, DirectSolver, available_libraries
+from yasps.runtime.solvers.options import SolveOptions
 from yasps.runtime.solvers.pcg import PcgSolver
 
 DESCRIPTION = "linear solvers on soft, stiff, quasi-static and contact-dominated systems: seconds and iterations"
@@ -62,7 +63,7 @@ def _rows_of(problem: SolverProblem, matrix: sparse.csr_array[np.float64], setti
     parts, g = problem.parts, problem.gradient
     runtime = on_cpu(problem.compiled).runtime
     pcg = PcgSolver(runtime)
-    x, report = pcg.solve(parts, g, TOLERANCE, MAX_ITERATIONS)
+    x, report = pcg.solve(parts, g, SolveOptions(TOLERANCE, MAX_ITERATIONS))
     if not report.converged:
         raise SystemNotSolvedError(f"{problem.name}: conjugate gradients ended with: {report}")
     rows = [Row(problem.name, "yasps PCG", settings.threads, report.iterations, "iterations")]
@@ -89,12 +90,12 @@ def _rows_of(problem: SolverProblem, matrix: sparse.csr_array[np.float64], setti
 
 
 def _pcg_run(pcg: PcgSolver, problem: SolverProblem, threads: int) -> Callable[[], object]:
-    return lambda: pcg.solve(problem.parts, problem.gradient, TOLERANCE, MAX_ITERATIONS, threads=threads)
+    return lambda: pcg.solve(problem.parts, problem.gradient, SolveOptions(TOLERANCE, MAX_ITERATIONS), threads=threads)
 
 
 def _direct_run(direct: DirectSolver, problem: SolverProblem, threads: int) -> Callable[[], object]:
     def solve() -> None:
-        report = direct.solve(problem.parts, problem.gradient, 1e-16, threads=threads)[1]
+        report = direct.solve(problem.parts, problem.gradient, SolveOptions(1e-16), threads=threads)[1]
         if not report.converged:
             raise SystemNotSolvedError(f"{problem.name}: {report}")
 

@@ -8,7 +8,7 @@ import weakref
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, cast, overload
+from typing import TYPE_CHECKING, TypedDict, Unpack, cast, overload
 
 import numpy as np
 
@@ -20,7 +20,7 @@ from yasps.frontend.execution.compiled_scene import CompiledScene, CompileReport
 from yasps.frontend.execution.cpu_scene import CpuScene
 from yasps.frontend.execution.emit import EnergyTerm
 from yasps.frontend.execution.hessian import Hessian
-from yasps.frontend.execution.newton_system import advice_on, check_choices, check_limits, solve_newton_system
+from yasps.frontend.execution.newton_system import advice_on, solve_newton_system, solve_options
 from yasps.frontend.execution.scene_source import CompileRequest, make_dump_folder
 from yasps.frontend.language.attribute import Attribute
 from yasps.frontend.language.entity import Entity
@@ -56,6 +56,14 @@ class Solution:
     directions: list[FloatArray]
     gradient: list[FloatArray]
     report: SolveReport
+
+
+class _SolveOptions(TypedDict, total=False):
+    """Keywords of `Scene.solve` that are spelled in one way, for type checkers."""
+
+    solver: str
+    projection: str
+    history: bool
 
 
 @both_spellings
@@ -264,24 +272,10 @@ class Scene(SceneNames, Entity):
 
     @overload
     def solve(
-        self,
-        tolerance: float = 1e-4,
-        max_iterations: int = 10_000,
-        *,
-        solver: str = "pcg",
-        projection: str = "always",
-        history: bool = False,
+        self, tolerance: float = 1e-4, max_iterations: int = 10_000, **options: Unpack[_SolveOptions]
     ) -> Solution: ...
     @overload
-    def solve(
-        self,
-        tolerance: float = 1e-4,
-        *,
-        maxIterations: int,
-        solver: str = "pcg",
-        projection: str = "always",
-        history: bool = False,
-    ) -> Solution: ...
+    def solve(self, tolerance: float = 1e-4, *, maxIterations: int, **options: Unpack[_SolveOptions]) -> Solution: ...
 
     @paper_spelling
     @one_thread_at_a_time
@@ -301,12 +295,9 @@ class Scene(SceneNames, Entity):
         which removes negative eigenvalues only if the exact Hessian turns out not to be positive definite (see
         `solve_newton_system`). history: keep the residual of every iteration of conjugate gradients in the report.
         """
-        check_limits(tolerance, max_iterations)
-        check_choices(solver, projection)
+        options = solve_options(tolerance, max_iterations, solver=solver, projection=projection, history=history)
         compiled = self.compile()
-        solved = solve_newton_system(
-            compiled, tolerance, max_iterations, solver=solver, projection=projection, history=history
-        )
+        solved = solve_newton_system(compiled, options)
         return Solution(compiled.split(solved.x), compiled.split(solved.gradient), solved.report)
 
     @one_thread_at_a_time

@@ -21,9 +21,10 @@ from yasps.frontend.execution.newton_system import (
     SOLVERS,
     WHEN_TO_PROJECT,
     NewtonSolution,
+    SolveOptions,
     advice_on,
-    check_choices,
     solve_newton_system,
+    solve_options,
 )
 from yasps.frontend.language.attribute import (
     Attribute,
@@ -49,10 +50,10 @@ from yasps.runtime.device.protocol import DeviceError, DeviceMemoryError
 addScene = add_scene  # noqa: N816
 adviceOn = advice_on  # noqa: N816
 asAttribute = as_attribute  # noqa: N816
-checkChoices = check_choices  # noqa: N816
 concatCols = concat_cols  # noqa: N816
 concatRows = concat_rows  # noqa: N816
 solveNewtonSystem = solve_newton_system  # noqa: N816
+solveOptions = solve_options  # noqa: N816
 
 __version__ = "0.1.0"
 
@@ -85,6 +86,7 @@ __all__ = [
     "SceneError",
     "ShapeMismatchError",
     "Solution",
+    "SolveOptions",
     "UnsupportedSceneError",
     "YaspsError",
     "__version__",
@@ -95,8 +97,6 @@ __all__ = [
     "asAttribute",
     "as_attribute",
     "atan2",
-    "checkChoices",
-    "check_choices",
     "concatCols",
     "concatRows",
     "concat_cols",
@@ -109,7 +109,9 @@ __all__ = [
     "scene",
     "select",
     "solveNewtonSystem",
+    "solveOptions",
     "solve_newton_system",
+    "solve_options",
     "stumpff",
     "zeros",
 ]

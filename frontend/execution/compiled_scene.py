@@ -7,12 +7,13 @@ from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 from xdsl.dialects.builtin import ModuleOp
 
-from yasps.backend.codegen.object_text import ObjectEmitter
+from yasps.backend.codegen.object_text import Binding, ObjectEmitter
 from yasps.backend.codegen.program import CompiledModule
 from yasps.backend.codegen.scene_view import SceneView
 from yasps.backend.reference.scene_data import SceneData
@@ -30,6 +31,7 @@ from yasps.frontend.language.primitive import Primitive, PrimitiveBase, Primitiv
 from yasps.frontend.language.scene_lock import one_thread_at_a_time
 from yasps.runtime.core.library import Projection
 from yasps.runtime.matrix.block_matrix import MOST_SCALARS, BlockGroup
+from yasps.runtime.solvers.options import SolveOptions
 from yasps.runtime.solvers.pcg import SolveReport
 
 MODES = {"clamp": Projection.CLAMP, "abs": Projection.ABS, "none": Projection.NONE}
@@ -77,6 +79,10 @@ class Term:
     def count(self) -> int:
         """How many instances it has now."""
         return 1 if self.owner is None else self.owner.num_instances
+
+    def mode_for(self, project: bool) -> Projection:
+        """What becomes of negative eigenvalues, if they are to be removed at all."""
+        return self.mode if project else Projection.NONE
 
 
 class _Reads:
@@ -149,27 +155,20 @@ class CompiledScene(InScene, ABC):
         """Sum of all energies; infinite or NaN where one is."""
 
     @abstractmethod
-    def update_structure(self) -> None:
-        """Placement indices and sparsity, for the parts that changed (paper, section 6, appendices A and B)."""
+    def _build_structure(self, terms: Sequence[Term], *, dynamic: bool) -> None:
+        """Placement indices of some terms and the sparsity of their part, the static or the dynamic one."""
 
     @abstractmethod
-    def assemble(self, *, hessian: bool = True, project: bool = True) -> FloatArray:
-        """Gradient of all targets, end to end, and the Hessian, which stays inside.
-
-        Raises NotFiniteError that names the energy and the instance.
-        """
+    def _derive(
+        self, terms: Sequence[Term], *, hessian: bool, project: bool
+    ) -> tuple[FloatArray, Sequence[int | None]]:
+        """Gradient of all targets and, with `hessian`, the Hessian, which stays inside; of each term the first
+        instance, if any, whose derivatives are not finite."""
 
     @abstractmethod
-    def solve_linear(
-        self,
-        gradient: FloatArray,
-        tolerance: float,
-        max_iterations: int,
-        *,
-        solver: str = "pcg",
-        history: bool = False,
-    ) -> tuple[FloatArray, SolveReport]:
-        """x of H x = gradient for the assembled Hessian by "pcg", "direct" or "auto", and how the solver ended."""
+    def solve_linear(self, gradient: FloatArray, options: SolveOptions) -> tuple[FloatArray, SolveReport]:
+        """x of H x = gradient for the assembled Hessian, and how the solver ended. Raises DataError for a solver that
+        the device does not have."""
 
     @abstractmethod
     def placement_indices(self, term: Term) -> NDArray[np.int32]:
@@ -291,7 +290,63 @@ class CompiledScene(InScene, ABC):
             {symbol: owner.num_instances for symbol, owner in self.emitter.owners.items()},
         )
 
+    def _array_of(self, binding: Binding) -> NDArray[Any]:
+        """The array on the host that a kernel reads."""
+        if binding.name in self.numbers:
+            return self.numbers[binding.name]
+        if binding.kind == "storage":
+            node = self.emitter.stored[binding.name].node
+            assert isinstance(node, Stored)
+            return node.array
+        if binding.kind == "indices":
+            return self.emitter.connected[binding.name].indices
+        return (self._offsets if binding.kind == "offsets" else self._starts)[binding.name]
+
     # -- work ----------------------------------------------------------------------------------------------
+
+    def _refresh(self) -> None:
+        """Makes what kernels read as it is now."""
+        self.bind()
+
+    @one_thread_at_a_time
+    def update_structure(self) -> None:
+        """Placement indices and sparsity, for the parts that changed (paper, section 6, appendices A and B)."""
+        self._refresh()
+        if self._static_valid and self._dynamic_valid:
+            return
+        if not self._static_valid:
+            self._build_structure(self._placed_terms(dynamic=False), dynamic=False)
+        if not self._dynamic_valid:
+            self._build_structure(self._placed_terms(dynamic=True), dynamic=True)
+        self._complete_structure()
+        self._static_valid = self._dynamic_valid = True
+
+    def _complete_structure(self) -> None:
+        """What depends on both parts, after one of them was built."""
+
+    def _placed_terms(self, *, dynamic: bool) -> list[Term]:
+        """Energies of the static or the dynamic part that depend on targets."""
+        return [term for term in self._terms if term.dynamic is dynamic and term.kappa is not None]
+
+    def _derived_terms(self) -> list[Term]:
+        """Energies that have derivatives now."""
+        return [term for term in self._terms if term.derivative is not None and term.count]
+
+    @one_thread_at_a_time
+    def assemble(self, *, hessian: bool = True, project: bool = True) -> FloatArray:
+        """Gradient of all targets, end to end; with `hessian` also the Hessian, which stays inside, else that is left
+        as it is. project: remove negative eigenvalues as the energies were registered.
+
+        Raises NotFiniteError that names the energy and the instance.
+        """
+        self.update_structure()
+        terms = self._derived_terms()
+        gradient, first_bad = self._derive(terms, hessian=hessian, project=project)
+        for term, instance in zip(terms, first_bad, strict=True):
+            if instance is not None:
+                raise self._not_finite(term, instance)
+        self._check_gradient(gradient)
+        return gradient
 
     @one_thread_at_a_time
     def evaluate(self, attribute: Attribute) -> FloatArray:

@@ -16,14 +16,15 @@ from yasps.backend.cpp.object import CppEmitter
 from yasps.frontend.execution.compiled_scene import CompiledScene, Term
 from yasps.frontend.execution.instance_order import OrderedReads, own_reads, rows_of
 from yasps.frontend.execution.scene_source import CompileRequest
-from yasps.frontend.language.nodes import FloatArray, Stored
+from yasps.frontend.language.nodes import FloatArray
 from yasps.frontend.language.primitive import Primitive
 from yasps.frontend.language.scene_lock import one_thread_at_a_time
 from yasps.runtime.assembly.assembler import Assembler, KernelCall, evaluate
-from yasps.runtime.core.library import Projection, Runtime
+from yasps.runtime.core.library import Runtime
 from yasps.runtime.matrix.block_matrix import BlockGroup, BlockMatrix
 from yasps.runtime.matrix.ordering import instance_order
 from yasps.runtime.solvers.choice import LinearSolver
+from yasps.runtime.solvers.options import SolveOptions
 from yasps.runtime.solvers.pcg import SolveReport
 
 
@@ -72,17 +73,7 @@ class CpuScene(CompiledScene):
                 placement.ordered.point()
 
     def _address_of(self, binding: Binding) -> int:
-        if binding.name in self.numbers:
-            return self.numbers[binding.name].ctypes.data
-        if binding.kind == "storage":
-            node = self.emitter.stored[binding.name].node
-            assert isinstance(node, Stored)
-            return node.array.ctypes.data
-        if binding.kind == "indices":
-            return self.emitter.connected[binding.name].indices.ctypes.data
-        if binding.kind == "offsets":
-            return self._offsets[binding.name].ctypes.data
-        return self._starts[binding.name].ctypes.data
+        return self._array_of(binding).ctypes.data
 
     def _run(self, symbol: str, count: int, shape: tuple[int, int]) -> FloatArray:
         self.bind()
@@ -96,31 +87,21 @@ class CpuScene(CompiledScene):
         """Sum of all energies; infinite or NaN where one is."""
         return float(sum(self.runtime.sum(values) for values in self.energies().values()))
 
-    @one_thread_at_a_time
-    def update_structure(self) -> None:
-        self.bind()
+    def _build_structure(self, terms: Sequence[Term], *, dynamic: bool) -> None:
         boundaries, block_sizes = self._layout()
-        for valid, matrix, dynamic in (
-            (self._static_valid, self.static_matrix, False),
-            (self._dynamic_valid, self.dynamic_matrix, True),
-        ):
-            if valid:
-                continue
-            terms = [term for term in self._terms if term.dynamic is dynamic and term.kappa is not None]
-            kappas = []
-            for term in terms:
-                assert term.kappa is not None
-                kappas.append(self.program.indices(term.kappa, term.count, term.capacity))
-            # Both parts need the same order inside; the one with most blocks, and that seldom changes, chooses it.
-            if dynamic:
-                built = matrix.build(boundaries, block_sizes, kappas, order=self.static_matrix.order)
-            else:
-                built = matrix.build(boundaries, block_sizes, kappas, reorder=True)
-            for term, kappa, positions in zip(terms, kappas, built, strict=True):
-                self.placements[term.symbol] = Placement(kappa, positions)
-                if not dynamic:
-                    self._order_instances(term)
-        self._static_valid = self._dynamic_valid = True
+        kappas = []
+        for term in terms:
+            assert term.kappa is not None
+            kappas.append(self.program.indices(term.kappa, term.count, term.capacity))
+        # Both parts need the same order inside; the one with most blocks, and that seldom changes, chooses it.
+        if dynamic:
+            built = self.dynamic_matrix.build(boundaries, block_sizes, kappas, order=self.static_matrix.order)
+        else:
+            built = self.static_matrix.build(boundaries, block_sizes, kappas, reorder=True)
+        for term, kappa, positions in zip(terms, kappas, built, strict=True):
+            self.placements[term.symbol] = Placement(kappa, positions)
+            if not dynamic:
+                self._order_instances(term)
 
     def _order_instances(self, term: Term) -> None:
         """Lets the kernel visit the instances along their unknowns, if in the given order it would jump about."""
@@ -137,20 +118,13 @@ class CpuScene(CompiledScene):
             rows_of(placement.kappas, order), rows_of(placement.positions, order), ordered
         )
 
-    @one_thread_at_a_time
-    def assemble(self, *, hessian: bool = True, project: bool = True) -> FloatArray:
-        """Gradient of all targets, end to end; with `hessian` fills `static_matrix` and `dynamic_matrix`, whose sum is
-        the Hessian, else they stay as they are.
-
-        Raises NotFiniteError that names the energy and the instance.
-        """
-        self.update_structure()
+    def _derive(
+        self, terms: Sequence[Term], *, hessian: bool, project: bool
+    ) -> tuple[FloatArray, Sequence[int | None]]:
         gradient = np.zeros(self.static_matrix.size)
-        calls, terms = [], []
-        for term in self._terms:
-            if term.derivative is None or term.count == 0:
-                continue
-            placement = self.placements[term.symbol]
+        calls, placements = [], [self.placements[term.symbol] for term in terms]
+        for term, placement in zip(terms, placements, strict=True):
+            assert term.derivative is not None
             if placement.ordered is not None:
                 placement.ordered.refresh()
             calls.append(
@@ -161,34 +135,20 @@ class CpuScene(CompiledScene):
                     placement.kappas,
                     placement.positions if hessian else None,
                     (1 if term.dynamic else 0) if hessian else None,
-                    term.mode if project else Projection.NONE,
+                    term.mode_for(project),
                 )
             )
-            terms.append(term)
         parts = [self.static_matrix, self.dynamic_matrix] if hessian else []
         statuses = self._assembler.assemble(calls, parts, gradient, self.static_matrix.block_size_at)
-        for term, status in zip(terms, statuses, strict=True):
-            if status.first_bad is not None:
-                ordered = self.placements[term.symbol].ordered
-                raise self._not_finite(
-                    term, status.first_bad if ordered is None else int(ordered.order[status.first_bad])
-                )
-        self._check_gradient(gradient)
-        return gradient
+        first_bad = [status.first_bad for status in statuses]
+        for k, (bad, placement) in enumerate(zip(first_bad, placements, strict=True)):
+            if bad is not None and placement.ordered is not None:
+                first_bad[k] = int(placement.ordered.order[bad])
+        return gradient, first_bad
 
     @one_thread_at_a_time
-    def solve_linear(
-        self,
-        gradient: FloatArray,
-        tolerance: float,
-        max_iterations: int,
-        *,
-        solver: str = "pcg",
-        history: bool = False,
-    ) -> tuple[FloatArray, SolveReport]:
-        """x of H x = gradient for the assembled Hessian by "pcg", "direct" or "auto", and how the solver ended."""
-        parts = [self.static_matrix, self.dynamic_matrix]
-        return self._solver.solve(parts, gradient, tolerance, max_iterations, solver=solver, with_history=history)
+    def solve_linear(self, gradient: FloatArray, options: SolveOptions) -> tuple[FloatArray, SolveReport]:
+        return self._solver.solve([self.static_matrix, self.dynamic_matrix], gradient, options)
 
     @one_thread_at_a_time
     def placement_indices(self, term: Term) -> NDArray[np.int32]:

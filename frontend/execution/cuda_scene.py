@@ -28,12 +28,12 @@ from yasps.frontend.language.nodes import FloatArray, Stored
 from yasps.frontend.language.scene_lock import one_thread_at_a_time
 from yasps.runtime.assembly.cuda.gradient import CudaGradient
 from yasps.runtime.assembly.cuda.sum import DeviceSum
-from yasps.runtime.core.library import Projection
 from yasps.runtime.device.foreign_arrays import DeviceIndices
 from yasps.runtime.device.protocol import Device, DeviceArray
 from yasps.runtime.matrix.block_matrix import BlockGroup
 from yasps.runtime.matrix.cuda.block_matrix import BuildScratch, CudaBlockMatrix
 from yasps.runtime.solvers.cuda.pcg import CudaSolver
+from yasps.runtime.solvers.options import SolveOptions
 from yasps.runtime.solvers.pcg import SolveReport
 
 
@@ -134,75 +134,60 @@ class CudaScene(CompiledScene):
         if binding not in self._mirrors:
             array = DeviceArray(self.device, source.dtype, f"{binding.kind} {binding.name}")
             self._mirrors[binding] = _Mirror(array)
-        self._refresh(binding)
+        self._send(binding)
         return self._mirrors[binding].array.address
 
-    def _refresh(self, binding: Binding) -> None:
+    def _send(self, binding: Binding) -> None:
         source, version = self._source_of(binding)
         assert isinstance(source, np.ndarray)
         self._mirrors[binding].refresh(source, version)
 
     def _source_of(self, binding: Binding) -> tuple[NDArray[Any] | DeviceIndices, int]:
-        """The array that a kernel reads, and how often it was changed in place."""
-        if binding.name in self.numbers:
-            return self.numbers[binding.name], 0
-        if binding.kind == "storage":
+        """What a kernel reads, and how often it was changed in place."""
+        if binding.kind == "indices" and binding.name not in self.numbers:
+            return self.emitter.connected[binding.name].stored_indices, 0
+        version = 0
+        if binding.kind == "storage" and binding.name not in self.numbers:
             node = self.emitter.stored[binding.name].node
             assert isinstance(node, Stored)
-            return node.array, node.version
-        if binding.kind == "indices":
-            return self.emitter.connected[binding.name].stored_indices, 0
-        if binding.kind == "offsets":
-            return self._offsets[binding.name], 0
-        return self._starts[binding.name], 0
+            version = node.version
+        return self._array_of(binding), version
 
-    def _upload(self) -> None:
+    def _refresh(self) -> None:
         """Copies what changed since the last time. Arrays that moved have been bound anew."""
         self.bind()
         for binding in self._mirrors:
-            self._refresh(binding)
+            self._send(binding)
 
     # -- work ----------------------------------------------------------------------------------------------
 
     def _run(self, symbol: str, count: int, shape: tuple[int, int]) -> FloatArray:
-        self._upload()
+        self._refresh()
         self.program.launch_batch(symbol, count, self._values.resize(count, *shape))
         return self._values.download()
 
     @one_thread_at_a_time
     def total_energy(self) -> float:
-        self._upload()
+        self._refresh()
         self._sum.begin(len(self._terms))
         for term in self._terms:
             self.program.launch_batch(term.symbol, term.count, self._values.resize(term.count))
             self._sum.add(self._values)
         return float(self._sum.results().sum())
 
-    @one_thread_at_a_time
-    def update_structure(self) -> None:
-        self._upload()
-        boundaries, block_sizes = self._layout()
-        if self._static_valid and self._dynamic_valid:
-            return
-        for valid, matrix, dynamic in (
-            (self._static_valid, self.static_matrix, False),
-            (self._dynamic_valid, self.dynamic_matrix, True),
-        ):
-            if valid:
-                continue
-            placements = [self._indices_of(term) for term in self._placed_terms() if term.dynamic is dynamic]
-            positions = matrix.build(boundaries, block_sizes, [placement.kappas for placement in placements])
-            for placement, array in zip(placements, positions, strict=True):
-                placement.positions = array
-        every = [self._placements[term.symbol] for term in self._placed_terms()]
-        size, block_size_at = self.static_matrix.size, self.static_matrix.block_size_at
-        places = self._gradient.build(size, block_size_at, [placement.kappas for placement in every])
-        for placement, place in zip(every, places, strict=True):
-            placement.gradient_at = place
-        self._static_valid = self._dynamic_valid = True
+    def _build_structure(self, terms: Sequence[Term], *, dynamic: bool) -> None:
+        matrix = self.dynamic_matrix if dynamic else self.static_matrix
+        placements = [self._indices_of(term) for term in terms]
+        positions = matrix.build(*self._layout(), [placement.kappas for placement in placements])
+        for placement, array in zip(placements, positions, strict=True):
+            placement.positions = array
 
-    def _placed_terms(self) -> list[Term]:
-        return [term for term in self._terms if term.kappa is not None]
+    def _complete_structure(self) -> None:
+        placements = [self._placements[term.symbol] for term in self._terms if term.kappa is not None]
+        size, block_size_at = self.static_matrix.size, self.static_matrix.block_size_at
+        places = self._gradient.build(size, block_size_at, [placement.kappas for placement in placements])
+        for placement, place in zip(placements, places, strict=True):
+            placement.gradient_at = place
 
     def _indices_of(self, term: Term) -> _Placement:
         """Computes an energy's placement indices."""
@@ -213,18 +198,13 @@ class CudaScene(CompiledScene):
         self.program.launch_batch(term.kappa, term.count, placement.kappas.resize(term.count, term.capacity))
         return placement
 
-    @one_thread_at_a_time
-    def assemble(self, *, hessian: bool = True, project: bool = True) -> FloatArray:
-        self.update_structure()
-        terms = self._derived_terms()
+    def _derive(
+        self, terms: Sequence[Term], *, hessian: bool, project: bool
+    ) -> tuple[FloatArray, Sequence[int | None]]:
         self._outcomes.upload(np.array([[NONE_BAD, 0]] * len(terms), np.uint64).reshape(-1, 2))
         self.launch_assembly(hessian=hessian, project=project)
-        for term, first_bad in zip(terms, self._outcomes.download()[:, 0], strict=True):
-            if first_bad != NONE_BAD:
-                raise self._not_finite(term, int(first_bad))
-        gradient = self._gradient.values.download()
-        self._check_gradient(gradient)
-        return gradient
+        outcomes = self._outcomes.download()[:, 0]
+        return self._gradient.values.download(), [int(bad) if bad != NONE_BAD else None for bad in outcomes]
 
     @one_thread_at_a_time
     def launch_assembly(self, *, hessian: bool = True, project: bool = True) -> None:
@@ -246,34 +226,22 @@ class CudaScene(CompiledScene):
                 position=placement.positions.address,
                 gradient_at=placement.gradient_at.address if placement.gradient_at is not None else 0,
                 block_size_at=self.static_matrix.block_size_at.address,
-                mode=int(term.mode if project else Projection.NONE),
+                mode=int(term.mode_for(project)),
                 outcome=self._outcomes.address + 16 * k,
             )
             self.program.launch_derivative(launch)
         for result in results:
             result.finish()
 
-    def _derived_terms(self) -> list[Term]:
-        return [term for term in self._terms if term.derivative is not None and term.count]
-
     @one_thread_at_a_time
-    def solve_linear(
-        self,
-        gradient: FloatArray,
-        tolerance: float,
-        max_iterations: int,
-        *,
-        solver: str = "pcg",
-        history: bool = False,
-    ) -> tuple[FloatArray, SolveReport]:
-        if solver == "direct":
+    def solve_linear(self, gradient: FloatArray, options: SolveOptions) -> tuple[FloatArray, SolveReport]:
+        if options.solver == "direct":
             raise DataError(
                 "solver='direct' runs on the CPU only: take solver='pcg' or 'auto' (which is 'pcg' on a GPU), or make "
                 "the scene with device='cpu'"
             )
         parts = [self.static_matrix, self.dynamic_matrix]
-        right = self._right.upload(gradient)
-        x, report = self._solver.solve(parts, right, tolerance, max_iterations, with_history=history)
+        x, report = self._solver.solve(parts, self._right.upload(gradient), options)
         return x.download(), report
 
     @one_thread_at_a_time

@@ -6,19 +6,22 @@ from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass
 from typing import Protocol
 
-import numpy as np
-
 from yasps.frontend.errors import DataError
 from yasps.frontend.execution.compiled_scene import CompiledScene
 from yasps.frontend.language.nodes import FloatArray
-from yasps.runtime.solvers import choice as solver_choice
+from yasps.runtime.solvers.options import SOLVERS, WHEN_TO_PROJECT, SolveOptions
 from yasps.runtime.solvers.pcg import SolveReport, StopReason
 
-SOLVERS = solver_choice.SOLVERS
-"""Names of the linear solvers."""
-_MOST_ITERATIONS = 2**31
-"""What fits the runtime's counter."""
-WHEN_TO_PROJECT = ("always", "on-demand")
+__all__ = [
+    "SOLVERS",
+    "WHEN_TO_PROJECT",
+    "NewtonSolution",
+    "SolveOptions",
+    "Stages",
+    "advice_on",
+    "solve_newton_system",
+    "solve_options",
+]
 
 
 class Stages(Protocol):
@@ -52,54 +55,40 @@ class NewtonSolution:
         return float((self.x * self.gradient).sum())
 
 
-def check_limits(tolerance: float, max_iterations: int) -> None:
-    """Raises DataError for what can't limit a solver."""
-    number = isinstance(tolerance, float | int | np.floating) and not isinstance(tolerance, bool)
-    if not number or not 0 <= tolerance < np.inf:
-        raise DataError(f"tolerance must be a finite number >= 0, got {tolerance!r}")
-    if (
-        not isinstance(max_iterations, int | np.integer)
-        or isinstance(max_iterations, bool)
-        or not 0 <= max_iterations < _MOST_ITERATIONS
-    ):
-        raise DataError(f"max_iterations must be an integer >= 0, got {max_iterations!r}")
-
-
-def check_choices(solver: str, projection: str) -> None:
-    """Raises DataError for a name that doesn't exist."""
-    if solver not in SOLVERS:
-        raise DataError(f"solver must be one of {', '.join(SOLVERS)}, got {solver!r}")
-    if projection not in WHEN_TO_PROJECT:
-        raise DataError(f"projection must be one of {', '.join(WHEN_TO_PROJECT)}, got {projection!r}")
-
-
-def solve_newton_system(
-    compiled: CompiledScene,
-    tolerance: float,
-    max_iterations: int,
+def solve_options(
+    tolerance: float = 1e-4,
+    max_iterations: int = 10_000,
     *,
     solver: str = "pcg",
     projection: str = "always",
     history: bool = False,
-    stages: Stages | None = None,
+) -> SolveOptions:
+    """What a user asks for. Raises DataError for what can't limit a solver and for names that don't exist."""
+    try:
+        return SolveOptions(tolerance, max_iterations, solver, projection, history)
+    except ValueError as error:
+        raise DataError(str(error)) from None
+
+
+def solve_newton_system(
+    compiled: CompiledScene, options: SolveOptions, *, stages: Stages | None = None
 ) -> NewtonSolution:
     """Assembles gradient and Hessian at the current values and solves H x = g.
 
-    solver: "pcg", "direct" or "auto" (see `LinearSolver`). projection: "always" removes the negative eigenvalues of
-    every energy's local Hessians, as the energy was registered. "on-demand" tries H as it is, and does so only where
-    that fails: when conjugate gradients meet negative curvature, a factorisation a pivot that isn't positive, or -x
-    does not go downhill. At a minimum H needs no projection and Newton's method converges quadratically there.
+    options.projection: "always" removes the negative eigenvalues of every energy's local Hessians, as the energy was
+    registered. "on-demand" tries H as it is, and does so only where that fails: when conjugate gradients meet negative
+    curvature, a factorisation a pivot that isn't positive, or -x does not go downhill. At a minimum H needs no
+    projection and Newton's method converges quadratically there.
 
-    The arguments must be checked already. The report tells how the solve ended; nothing is raised for it. Raises
-    NotFiniteError.
+    The report tells how the solve ended; nothing is raised for it. Raises NotFiniteError.
     """
     stages = stages or _NoStages()
     wasted = 0
-    for project in (True,) if projection == "always" else (False, True):
+    for project in (True,) if options.projection == "always" else (False, True):
         with stages.stage("derivatives and assembly"):
             gradient = compiled.assemble(project=project)
         with stages.stage("linear solver"):
-            x, report = compiled.solve_linear(gradient, tolerance, max_iterations, solver=solver, history=history)
+            x, report = compiled.solve_linear(gradient, options)
         solution = NewtonSolution(x, gradient, report, project, wasted)
         if project or not _needs_projection(solution):
             break

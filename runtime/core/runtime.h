@@ -189,11 +189,6 @@ void remove_negative_part(double* packed, int stride, const double* sizes, int n
                           NegativePart* result);
 long negative_part_scratch(int n);  // doubles, aligned to 64 bytes
 
-// Inverts the sum of the diagonal blocks of all parts, for dof blocks [range); see preconditioner.cpp.
-enum InversionStatus { kInverted = 0, kIndefinite = 1, kNonFinite = 2 };
-InversionStatus invert_diagonal(int parts, const Structure* const* structures, const double* const* values, Range range,
-                                double* inverse, double* scratch, long* bad_block);
-
 }  // namespace yasps
 
 extern "C" {

@@ -118,7 +118,7 @@ class BlockMatrix(Uncopied):
         Raises ValueError for arrays that contradict each other or name no dof block; the matrix is then as before.
         MemoryError leaves it empty.
         """
-        boundaries, block_sizes = _check_layout(boundaries, block_sizes)
+        boundaries, block_sizes = check_layout(boundaries, block_sizes)
         kappas = [_check_kappa(kappa, energy) for energy, kappa in enumerate(kappas)]
         if not reorder:
             if order is not None and order is not self.order:
@@ -196,7 +196,7 @@ class BlockMatrix(Uncopied):
             energy, instance, slot = (int(i) for i in where)
             raise ValueError(
                 f"index {kappas[energy][instance, slot]} in kappas[{energy}][{instance}, {slot}] is not the 1-based "
-                f"offset of a dof block; blocks start at {_describe_layout(boundaries, block_sizes)}; 0 means no "
+                f"offset of a dof block; blocks start at {describe_layout(boundaries, block_sizes)}; 0 means no "
                 "contribution"
             )
         if status == _TOO_MANY_BLOCKS:
@@ -306,7 +306,8 @@ class BlockMatrix(Uncopied):
         self.build(np.zeros(1, np.int64), np.zeros(0, np.int32), [])
 
 
-def _check_layout(boundaries: LongArray, block_sizes: IntArray) -> tuple[LongArray, IntArray]:
+def check_layout(boundaries: LongArray, block_sizes: IntArray) -> tuple[LongArray, IntArray]:
+    """Copies of both, int64 and int32. Raises ValueError unless they describe targets, as for `BlockMatrix.build`."""
     bounds = np.ascontiguousarray(boundaries, dtype=np.int64)
     sizes = np.ascontiguousarray(block_sizes, dtype=np.int32)
     if bounds.ndim != 1 or sizes.ndim != 1 or len(bounds) != len(sizes) + 1:
@@ -353,7 +354,8 @@ def _check_kappa(kappa: IntArray, energy: int) -> IntArray:
     return np.ascontiguousarray(kappa, dtype=np.int32)
 
 
-def _describe_layout(boundaries: LongArray, block_sizes: IntArray) -> str:
+def describe_layout(boundaries: LongArray, block_sizes: IntArray) -> str:
+    """Where dof blocks start, counted from 1, for messages."""
     runs = [
         f"{int(boundaries[t]) + 1}, {int(boundaries[t]) + 1 + q}, ... below {int(boundaries[t + 1]) + 1} (target {t})"
         for t, q in enumerate(block_sizes.tolist())

@@ -7,7 +7,7 @@ import importlib.util
 import logging
 import weakref
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Protocol, TypeAlias
 
 import numpy as np
@@ -16,6 +16,7 @@ from scipy.sparse import linalg
 
 from yasps.runtime.core.library import FloatArray, IntArray, LongArray, Runtime, as_vector
 from yasps.runtime.matrix.block_matrix import BlockMatrix
+from yasps.runtime.solvers.options import DEFAULTS, SolveOptions
 from yasps.runtime.solvers.pcg import PcgSolver, SolveReport, StopReason, check_parts
 
 LOGGER = logging.getLogger("yasps")
@@ -139,12 +140,17 @@ class DirectSolver:
             )
 
     def solve(
-        self, parts: Sequence[BlockMatrix], g: FloatArray, tolerance: float = 1e-4, *, threads: int | None = None
+        self,
+        parts: Sequence[BlockMatrix],
+        g: FloatArray,
+        options: SolveOptions = DEFAULTS,
+        *,
+        threads: int | None = None,
     ) -> tuple[FloatArray, SolveReport]:
         """Solve (sum of parts) x = g.
 
         parts, g: as for `PcgSolver.solve`. The report's residual has the meaning it has there. Where rounding leaves
-        more than `tolerance`, up to ten iterations of conjugate gradients, which the report counts, take it out.
+        more than options.tolerance, up to ten iterations of conjugate gradients, which the report counts, take it out.
 
         Look at `report.reason`: for a matrix that is not positive definite or not finite x is zero.
         """
@@ -153,7 +159,7 @@ class DirectSolver:
         if not (np.isfinite(g).all() and all(np.isfinite(part.values).all() for part in parts)):
             return np.zeros_like(g), self._failed(StopReason.NOT_FINITE, None)
         if g.size == 0:
-            return self._check.solve(parts, g, tolerance, 0, threads=threads)
+            return self._check.solve(parts, g, replace(options, max_iterations=0), threads=threads)
         count = self._runtime.thread_count(threads)
         if not self._sum.describes(parts):
             self.analyse_anew(parts, threads=threads)
@@ -164,7 +170,8 @@ class DirectSolver:
             return np.zeros_like(g), self._failed(StopReason.NOT_POSITIVE_DEFINITE, block)
         if not np.isfinite(x).all():
             return np.zeros_like(g), self._failed(StopReason.NOT_POSITIVE_DEFINITE, None)
-        x, report = self._check.solve(parts, g, max(tolerance, _ROUNDING), _REFINEMENTS, x, threads=threads)
+        refined = replace(options, tolerance=max(options.tolerance, _ROUNDING), max_iterations=_REFINEMENTS)
+        x, report = self._check.solve(parts, g, refined, x, threads=threads)
         return x, report.by(self.name)
 
     def analyse_anew(self, parts: Sequence[BlockMatrix], *, threads: int | None = None) -> None:

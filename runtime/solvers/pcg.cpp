@@ -6,6 +6,7 @@
 #include <new>
 
 #include "core/runtime.h"
+#include "solvers/preconditioner.h"
 
 namespace yasps {
 
@@ -17,7 +18,7 @@ struct Piece {
     double* product;  // of its rows alone; only [own.begin, reach) exists
     double sums[2];   // what the piece adds to two sums over all unknowns
     long bad_block;   // the first block that cannot be inverted, or -1
-    InversionStatus bad_status;
+    Reason bad_status;
     char distance[56];  // neighbours in the list are written by different threads
 };
 
@@ -32,8 +33,6 @@ struct Workspace {
 };
 
 namespace {
-
-enum Reason { kConverged = 0, kMaxIterations = 1, kNotPositiveDefinite = 2, kNotFinite = 3 };
 
 // Layout shared with runtime/solvers/pcg.py.
 struct SolveResult {
@@ -195,7 +194,7 @@ void invert_diagonal_of(Workspace& w, const System& system, Piece& p) {
     long bad = -1;
     p.bad_status = invert_diagonal(system.parts, system.structures, system.values, p.blocks, w.inverse.data,
                                    w.scratch.data + (&p - w.pieces.data) * size * size, &bad);
-    if (p.bad_status != kInverted) p.bad_block = bad;
+    if (p.bad_status != kConverged) p.bad_block = bad;
 }
 
 struct Options {
@@ -245,7 +244,7 @@ void iterate(Workspace& w, const System& system, const Options& options, const d
     for (long k = 0; k < w.piece_count; ++k) {
         const Piece& p = w.pieces[k];
         if (p.bad_block < 0) continue;
-        return stop(0, NAN, p.bad_status == kNonFinite ? kNotFinite : kNotPositiveDefinite, layout.start[p.bad_block]);
+        return stop(0, NAN, p.bad_status, layout.start[p.bad_block]);
     }
 
     if (x0 != nullptr)

@@ -7,12 +7,14 @@ import weakref
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from enum import Enum
+from typing import Protocol
 
 import numpy as np
 
-from yasps.runtime.core.library import FloatArray, Runtime, as_vector, check_status, piece_count
+from yasps.runtime.core.library import FloatArray, IntArray, LongArray, Runtime, as_vector, check_status, piece_count
 from yasps.runtime.core.uncopied import Uncopied
 from yasps.runtime.matrix.block_matrix import BlockMatrix
+from yasps.runtime.solvers.options import DEFAULTS, SolveOptions
 
 
 class StopReason(Enum):
@@ -104,11 +106,9 @@ class PcgSolver(Uncopied):
         self,
         parts: Sequence[BlockMatrix],
         g: FloatArray,
-        tolerance: float = 1e-4,
-        max_iterations: int = 10_000,
+        options: SolveOptions = DEFAULTS,
         x0: FloatArray | None = None,
         *,
-        with_history: bool = False,
         threads: int | None = None,
     ) -> tuple[FloatArray, SolveReport]:
         """Solve (sum of parts) x = g; the Newton step of an energy with gradient g is -x.
@@ -116,24 +116,20 @@ class PcgSolver(Uncopied):
         parts: matrices with the same targets; every dof block needs a diagonal block in at least one. g: float64
         [unknowns]. x0: where to start, default 0.
 
-        The solver stops when r^T M^-1 r <= tolerance * g^T M^-1 g, with r = g - H x by recurrence and M the diagonal
-        blocks of H. That is a *squared* norm: tolerance 1e-4 asks for 1e-2 in the norm. The reference is g also with a
-        start vector. g = 0 gives x = 0.
+        The solver stops when r^T M^-1 r <= options.tolerance * g^T M^-1 g, with r = g - H x by recurrence and M the
+        diagonal blocks of H. That is a *squared* norm: tolerance 1e-4 asks for 1e-2 in the norm. The reference is g
+        also with a start vector. g = 0 gives x = 0.
 
         Returns x and the report; always look at `report.reason`. x is the last iterate (x0 when the iteration could not
         start). The result is the same bit for bit in every run with the same number of threads, of a deterministic
         solver with any number. Raises ValueError for arguments that do not fit together, MemoryError.
         """
         check_parts(parts)
-        if not tolerance >= 0:
-            raise ValueError(f"tolerance is {tolerance}; it must not be negative")
-        if max_iterations < 0:
-            raise ValueError(f"max_iterations is {max_iterations}; it must not be negative")
         size = parts[0].size
         g = as_vector(g, size, "g")
         start = as_vector(x0, size, "x0") if x0 is not None else None
         x = np.empty(size)
-        history = np.full(max_iterations + 1, np.nan) if with_history else None
+        history = np.full(options.max_iterations + 1, np.nan) if options.history else None
         result = _Result()
         count = self._runtime.thread_count(threads)
         status = self._runtime.library.yasps_solve(
@@ -144,36 +140,57 @@ class PcgSolver(Uncopied):
             g.ctypes.data,
             start.ctypes.data if start is not None else None,
             x.ctypes.data,
-            tolerance,
-            max_iterations,
+            options.tolerance,
+            options.max_iterations,
             history.ctypes.data if history is not None else None,
             count,
             piece_count(count, self._deterministic),
             ctypes.addressof(result),
         )
         check_status(status)
-        trace: tuple[float, ...] | None = None
-        if history is not None:
-            recorded = history[: result.iterations + 1]
-            trace = tuple(recorded[~np.isnan(recorded)].tolist())
-        report = SolveReport(
-            reason=StopReason(result.reason),
-            iterations=result.iterations,
-            relative_squared_residual=result.relative_residual,
-            block=result.block if result.block >= 0 else None,
-            history=trace,
-        )
-        return x, report
+        return x, report_of(result.reason, result.iterations, result.relative_residual, result.block, history)
 
 
-def check_parts(parts: Sequence[BlockMatrix]) -> None:
-    """Raises ValueError unless these matrices can be added."""
+def report_of(
+    reason: int, iterations: int, relative_squared_residual: float, block: int, history: FloatArray | None
+) -> SolveReport:
+    """What conjugate gradients left behind as a report.
+
+    block: negative for none. history: an entry for each iteration that was allowed, NaN where none was recorded.
+    """
+    trace: tuple[float, ...] | None = None
+    if history is not None:
+        recorded = history[: iterations + 1]
+        trace = tuple(recorded[~np.isnan(recorded)].tolist())
+    return SolveReport(StopReason(reason), iterations, relative_squared_residual, block if block >= 0 else None, trace)
+
+
+class Part(Protocol):
+    """A matrix of which several may be added: for which targets it was built."""
+
+    @property
+    def boundaries(self) -> LongArray:
+        """Scalar offsets of the targets."""
+
+    @property
+    def block_sizes(self) -> IntArray:
+        """Scalars of one instance of each."""
+
+
+def check_targets(parts: Sequence[Part]) -> None:
+    """Raises ValueError unless there are matrices and all were built for the same targets."""
     if not parts:
         raise ValueError("there is no matrix to solve with: parts is empty")
     for index, part in enumerate(parts[1:], start=1):
         same = np.array_equal(part.boundaries, parts[0].boundaries)
         if not (same and np.array_equal(part.block_sizes, parts[0].block_sizes)):
             raise ValueError(f"parts[{index}] was built for other targets than parts[0]: {part} and {parts[0]}")
+
+
+def check_parts(parts: Sequence[BlockMatrix]) -> None:
+    """Raises ValueError unless these matrices can be added."""
+    check_targets(parts)
+    for index, part in enumerate(parts[1:], start=1):
         if not part.has_order_of(parts[0]):
             raise ValueError(
                 f"parts[{index}] has another order of dof blocks than parts[0]: build it with the same one"

@@ -18,9 +18,10 @@ from yasps import (
     NotConvergedError,
     Scene,
     SceneError,
+    SolveOptions,
     advice_on,
-    check_choices,
     solve_newton_system,
+    solve_options,
 )
 from yasps.contact import BarrierContact, Candidates
 from yasps.frontend.language.arrays import in_instances, positive_number, real_numbers
@@ -43,7 +44,7 @@ class NewtonSettings:
     velocity_tolerance [m/s]: stop when the Newton direction moves no vertex by more than this times dt.
     linear_tolerance: of the conjugate gradients, on the squared preconditioned norm (see Scene.minimize_energy).
     longest_step: how far beyond the Newton step the line search may look, in its lengths; 1 to never do that.
-    solver, projection: see `solve_newton_system`.
+    solver, projection: see `SolveOptions`.
     """
 
     velocity_tolerance: float = 1e-2
@@ -56,8 +57,15 @@ class NewtonSettings:
     projection: str = "always"
 
     def __post_init__(self) -> None:
-        """Raises DataError for names that don't exist."""
-        check_choices(self.solver, self.projection)
+        """Raises DataError for options of the linear solver that can't be."""
+        _ = self.linear
+
+    @property
+    def linear(self) -> SolveOptions:
+        """The options of every linear solve."""
+        return solve_options(
+            self.linear_tolerance, self.linear_max_iterations, solver=self.solver, projection=self.projection
+        )
 
 
 @dataclass
@@ -198,14 +206,7 @@ class _Minimization:
     def direction(self) -> tuple[list[FloatArray], float]:
         """x of H x = g for every target, and how fast the energy falls along -x at first, g . x."""
         compiled, settings = self.scene.compile(), self.settings
-        solution = solve_newton_system(
-            compiled,
-            settings.linear_tolerance,
-            settings.linear_max_iterations,
-            solver=settings.solver,
-            projection=settings.projection,
-            stages=self.times,
-        )
+        solution = solve_newton_system(compiled, settings.linear, stages=self.times)
         solved = solution.report
         self.report.cg_iterations += solved.iterations + solution.wasted_iterations
         self.report.projected += solution.projected

@@ -14,7 +14,7 @@ import numpy as np
 
 from yasps.runtime.core.library import IntArray, LongArray
 from yasps.runtime.device.protocol import Device, DeviceArray, LoadedProgram
-from yasps.runtime.matrix.block_matrix import BlockGroup, _check_layout, _describe_layout
+from yasps.runtime.matrix.block_matrix import BlockGroup, check_layout, describe_layout
 from yasps.runtime.matrix.cuda.build import (
     MOST_SOURCES,
     BuildScratch,
@@ -212,7 +212,7 @@ class CudaBlockMatrix:
         Raises ValueError for arrays that contradict each other or name no dof block; the matrix is then as before.
         DeviceMemoryError leaves it as before or empty.
         """
-        boundaries, block_sizes = _check_layout(boundaries, block_sizes)
+        boundaries, block_sizes = check_layout(boundaries, block_sizes)
         check_kappas(kappas)
         shapes = [kappa.shape for kappa in kappas]
         first_sources = find_first_sources([n * (c * (c + 1) // 2) for n, c in shapes])
@@ -337,5 +337,5 @@ def _describe_bad_slot(layout: _Layout, kappas: Sequence[DeviceArray], first_sou
     slot = int(np.searchsorted(own, pair))
     return (
         f"{describe_slot(kappas, energy, instance, slot)} is not the 1-based offset of a dof block; blocks start at "
-        f"{_describe_layout(layout.boundaries, layout.block_sizes)}; 0 means no contribution"
+        f"{describe_layout(layout.boundaries, layout.block_sizes)}; 0 means no contribution"
     )

@@ -11,7 +11,8 @@ from yasps.runtime.device.protocol import BLOCK, Device, DeviceArray, Graph, Loa
 from yasps.runtime.matrix.cuda.block_matrix import CudaBlockMatrix
 from yasps.runtime.matrix.cuda.build import BuildScratch
 from yasps.runtime.matrix.cuda.product import GatheredProduct, Launch, Product, ScatteredProduct
-from yasps.runtime.solvers.pcg import SolveReport, StopReason
+from yasps.runtime.solvers.options import DEFAULTS, SolveOptions
+from yasps.runtime.solvers.pcg import SolveReport, StopReason, check_targets, report_of
 
 # As in solver.cuh.
 _STATE = np.dtype(
@@ -78,11 +79,8 @@ class CudaSolver:
         self,
         parts: Sequence[CudaBlockMatrix],
         g: DeviceArray,
-        tolerance: float = 1e-4,
-        max_iterations: int = 10_000,
+        options: SolveOptions = DEFAULTS,
         x0: DeviceArray | None = None,
-        *,
-        with_history: bool = False,
     ) -> tuple[DeviceArray, SolveReport]:
         """Solve (sum of parts) x = g; the Newton step of an energy with gradient g is -x.
 
@@ -90,11 +88,7 @@ class CudaSolver:
         x on the device, which the next solve overwrites (it may be that one's x0), and the report. Raises ValueError
         for arguments that do not fit together, DeviceMemoryError.
         """
-        _check_parts(parts)
-        if not tolerance >= 0:
-            raise ValueError(f"tolerance is {tolerance}; it must not be negative")
-        if max_iterations < 0:
-            raise ValueError(f"max_iterations is {max_iterations}; it must not be negative")
+        check_targets(parts)
         size = parts[0].size
         _check_vector(g, size, "g")
         if size and g.address == self._x.address:
@@ -102,21 +96,23 @@ class CudaSolver:
         if x0 is not None:
             _check_vector(x0, size, "x0")
         if size == 0:
-            return self._x.resize(0), SolveReport(StopReason.CONVERGED, 0, 0.0, None, () if with_history else None)
+            return self._x.resize(0), SolveReport(StopReason.CONVERGED, 0, 0.0, None, () if options.history else None)
         self._prepare(parts)
-        if with_history:
-            self._history.upload(np.full(max_iterations + 1, np.nan))
-        history = self._history.address if with_history else 0
-        self._settings.upload(np.array([(tolerance, max_iterations, history)], _SETTINGS))
+        if options.history:
+            self._history.upload(np.full(options.max_iterations + 1, np.nan))
+        history = self._history.address if options.history else 0
+        self._settings.upload(np.array([(options.tolerance, options.max_iterations, history)], _SETTINGS))
         self._start(parts, g, x0)
         state = self._iterate(size)
         if state["reason"] == StopReason.CONVERGED.value and state["reference"] == 0:
             self._x.clear()  # g = 0, whatever the start
-        return self._x, self._report(state, with_history)
+        recorded = self._history.download() if options.history else None
+        reason, iterations, block = (int(state[name]) for name in ("reason", "iteration", "block"))
+        return self._x, report_of(reason, iterations, float(state["relative"]), block, recorded)
 
     def multiply(self, parts: Sequence[CudaBlockMatrix], x: DeviceArray, y: DeviceArray) -> None:
         """y = (sum of parts) x; x is float64 [unknowns], y another array, which gets that shape. Raises ValueError."""
-        _check_parts(parts)
+        check_targets(parts)
         size = parts[0].size
         _check_vector(x, size, "x")
         if y is x or y.dtype != np.float64:
@@ -222,20 +218,6 @@ class CudaSolver:
             Launch("yasps_pcg_direction", threads, update),
         ]
 
-    def _report(self, state: np.void, with_history: bool) -> SolveReport:
-        trace: tuple[float, ...] | None = None
-        iterations = int(state["iteration"])
-        if with_history:
-            recorded = self._history.download()[: iterations + 1]
-            trace = tuple(recorded[~np.isnan(recorded)].tolist())
-        return SolveReport(
-            reason=StopReason(int(state["reason"])),
-            iterations=iterations,
-            relative_squared_residual=float(state["relative"]),
-            block=int(state["block"]) if state["block"] >= 0 else None,
-            history=trace,
-        )
-
 
 def least_bytes_per_iteration(parts: Sequence[CudaBlockMatrix]) -> int:
     """Bytes that an iteration moves to or from memory at least, if nothing stays in a cache; not if deterministic.
@@ -250,13 +232,3 @@ def least_bytes_per_iteration(parts: Sequence[CudaBlockMatrix]) -> int:
 def _check_vector(vector: DeviceArray, size: int, name: str) -> None:
     if vector.shape != (size,) or vector.dtype != np.float64:
         raise ValueError(f"{name} has shape {vector.shape} and type {vector.dtype}; float64 ({size},) is needed")
-
-
-def _check_parts(parts: Sequence[CudaBlockMatrix]) -> None:
-    """Raises ValueError unless these matrices can be added."""
-    if not parts:
-        raise ValueError("there is no matrix to solve with: parts is empty")
-    for index, part in enumerate(parts[1:], start=1):
-        same = np.array_equal(part.boundaries, parts[0].boundaries)
-        if not (same and np.array_equal(part.block_sizes, parts[0].block_sizes)):
-            raise ValueError(f"parts[{index}] was built for other targets than parts[0]: {part} and {parts[0]}")

@@ -10,43 +10,7 @@ struct yasps_diagonal {
 
 namespace {
 
-// a (q x q, row-major, lower triangle used) becomes the inverse of its Cholesky factor. Returns kConverged, or why not.
-template <class Size>
-__device__ __forceinline__ long invert_factor_of(double* a, Size q) {
-#pragma unroll
-    for (int j = 0; j < q; ++j) {
-        const double before = a[j * q + j];
-        double pivot = before;
-#pragma unroll
-        for (int k = 0; k < j; ++k) pivot -= a[j * q + k] * a[j * q + k];
-        if (!is_finite(pivot)) return kNotFinite;
-        // A pivot that is nothing but rounding error means that the block is singular.
-        if (pivot <= 4e-16 * q * before || pivot <= 0) return kNotPositiveDefinite;
-        const double reciprocal = 1 / sqrt(pivot);
-        a[j * q + j] = reciprocal;
-#pragma unroll
-        for (int i = j + 1; i < q; ++i) {
-            double sum = a[i * q + j];
-#pragma unroll
-            for (int k = 0; k < j; ++k) sum -= a[i * q + k] * a[j * q + k];
-            a[i * q + j] = sum * reciprocal;
-        }
-    }
-#pragma unroll
-    for (int j = 0; j < q; ++j) {
-#pragma unroll
-        for (int i = j + 1; i < q; ++i) {
-            double sum = 0;
-#pragma unroll
-            for (int k = j; k < i; ++k) sum += a[i * q + k] * a[k * q + j];
-            a[i * q + j] = -sum * a[i * q + i];
-        }
-    }
-    return kConverged;
-}
-
-// a becomes the inverse of the symmetric positive definite a: W^T W with W = L^-1, definite also after rounding. It is
-// formed in place: entry (i, j) needs no row of W above i, and of row i only what comes from j on.
+// a becomes the inverse of the symmetric positive definite a, in place.
 template <class Size>
 __device__ __forceinline__ long invert(double* a, Size q) {
     bool finite = true;
@@ -59,10 +23,7 @@ __device__ __forceinline__ long invert(double* a, Size q) {
     for (int i = 0; i < q; ++i) {
 #pragma unroll
         for (int j = 0; j <= i; ++j) {
-            double sum = 0;
-#pragma unroll
-            for (int k = i; k < q; ++k) sum += a[k * q + i] * a[k * q + j];
-            a[i * q + j] = sum;
+            a[i * q + j] = entry_of_inverse(a, q, i, j);
         }
     }
 #pragma unroll

@@ -7,14 +7,23 @@
 
 #include "matrix/cuda/block_list.cuh"
 
+#define YASPS_ALWAYS_INLINE __device__ __forceinline__
+#ifdef __CUDACC__
+#define YASPS_UNROLLED _Pragma("unroll")
+#else
+#define YASPS_UNROLLED
+#endif
+
+#include "solvers/inverse.h"
+
+using namespace yasps;
+
 // Dof blocks of one size that follow each other.
 struct yasps_run {
     long start;    // scalar offset
     long size;     // of each dof block
     long inverse;  // where their inverted diagonal blocks begin; one row after another, `size` doubles each
 };
-
-enum : long { kConverged = 0, kMaxIterations = 1, kNotPositiveDefinite = 2, kNotFinite = 3 };
 
 // Between two iterations. An iteration reads one and fills the other, so no kernel reads what it writes.
 struct yasps_pcg_state {

@@ -78,3 +78,5 @@ def test_names_that_do_not_exist_are_refused() -> None:
         NewtonSettings(projection="clamp")
     with pytest.raises(DataError, match="solver must be one of"):
         NewtonSettings(solver="PCG")
+    with pytest.raises(DataError, match="tolerance of the linear solver must be a finite number >= 0, got -1"):
+        NewtonSettings(linear_tolerance=-1.0)

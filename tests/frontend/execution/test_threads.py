@@ -20,6 +20,7 @@ from spring_chain import spring_chain
 
 from yasps import Scene, SceneError
 from yasps.frontend.language.scene_lock import SceneLock
+from yasps.runtime.solvers.options import SolveOptions
 
 HELPERS = Path(__file__).parents[2] / "helpers"
 
@@ -226,7 +227,7 @@ def test_everything_that_works_on_a_scene_takes_its_lock(monkeypatch: pytest.Mon
         "connectivity.update_value": lambda: ends.update_value(ends.indices),
         "assemble": compiled.assemble,
         "update_structure": compiled.update_structure,
-        "solve_linear": lambda: compiled.solve_linear(np.ones(30), 1e-4, 1),
+        "solve_linear": lambda: compiled.solve_linear(np.ones(30), SolveOptions(1e-4, 1)),
         "compiled.total_energy": compiled.total_energy,
         "compiled.energies": compiled.energies,
         "compiled.hessian": compiled.hessian,

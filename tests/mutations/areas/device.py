@@ -164,7 +164,7 @@ MUTATIONS = (
     ),
     Mutation(
         "preconditioner: a sign in the inverse of the factor",
-        "runtime/solvers/cuda/preconditioner.cu",
+        "runtime/solvers/inverse.h",
         "a[i * q + j] = -sum * a[i * q + i];",
         "a[i * q + j] = sum * a[i * q + i];",
         (f"{SOLVER}::test_block_diagonal_system_takes_one_iteration",),

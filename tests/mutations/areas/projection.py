@@ -128,7 +128,7 @@ MUTATIONS = (
         "by singular values: flip and twist exchanged",
         "runtime/projection/isotropic.cpp",
         "const Eight sign = with_sign(constant<Eight>(1), across);",
-        "const Eight sign = with_sign(constant<Eight>(-1), across);",
+        "const Eight sign = with_sign(constant<Eight>(1), Eight{} - across);",
         BY_SINGULAR_VALUES,
     ),
     Mutation(

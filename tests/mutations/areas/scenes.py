@@ -47,8 +47,8 @@ MUTATIONS = (
     Mutation(
         "an instance is named in the order of the kernel",
         "frontend/execution/cpu_scene.py",
-        "int(ordered.order[status.first_bad])",
-        "status.first_bad",
+        "int(placement.ordered.order[bad])",
+        "bad",
         (f"{ORDER}::test_an_error_names_the_instance_of_the_user",),
     ),
     Mutation(
@@ -75,15 +75,15 @@ MUTATIONS = (
     Mutation(
         "static and dynamic part have dof blocks in different orders",
         "frontend/execution/cpu_scene.py",
-        "matrix.build(boundaries, block_sizes, kappas, order=self.static_matrix.order)",
-        "matrix.build(boundaries, block_sizes, kappas)",
+        "self.dynamic_matrix.build(boundaries, block_sizes, kappas, order=self.static_matrix.order)",
+        "self.dynamic_matrix.build(boundaries, block_sizes, kappas)",
         ("tests/frontend/execution/test_reordering.py",),
     ),
     Mutation(
         "on demand is always",
-        "frontend/execution/cpu_scene.py",
-        "term.mode if project else Projection.NONE,",
-        "term.mode,",
+        "frontend/execution/compiled_scene.py",
+        "return self.mode if project else Projection.NONE",
+        "return self.mode",
         ("tests/frontend/execution/test_solver_choice.py",),
     ),
     Mutation(

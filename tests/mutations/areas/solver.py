@@ -9,6 +9,7 @@ TEXTBOOK = (f"{SOLVER}::test_residuals_are_those_of_textbook_pcg",)
 ONE_ITERATION = (f"{SOLVER}::test_block_diagonal_system_takes_one_iteration",)
 DIRECT = "tests/runtime/solvers/test_direct.py"
 CODE, PRECONDITIONER = "runtime/solvers/pcg.cpp", "runtime/solvers/preconditioner.cpp"
+INVERSE = "runtime/solvers/inverse.h"
 
 MUTATIONS = (
     Mutation(
@@ -69,23 +70,23 @@ MUTATIONS = (
     ),
     Mutation(
         "preconditioner: a sign in the factorisation",
-        PRECONDITIONER,
+        INVERSE,
         "pivot -= a[j * q + k] * a[j * q + k];",
         "pivot += a[j * q + k] * a[j * q + k];",
         ONE_ITERATION,
     ),
     Mutation(
         "preconditioner: a sign in the inverse of the factor",
-        PRECONDITIONER,
-        "l[i * q + j] = -sum * l[i * q + i];",
-        "l[i * q + j] = sum * l[i * q + i];",
+        INVERSE,
+        "a[i * q + j] = -sum * a[i * q + i];",
+        "a[i * q + j] = sum * a[i * q + i];",
         ONE_ITERATION,
     ),
     Mutation(
         "preconditioner: the inverse has a lower triangle only",
         PRECONDITIONER,
-        "            out[j * stride + i] = sum;\n",
-        "            if (i == j) out[j * stride + i] = sum;\n",
+        "out[i * stride + j] = out[j * stride + i] = entry",
+        "out[i * stride + j] = entry",
         TEXTBOOK,
     ),
     Mutation(
@@ -97,9 +98,9 @@ MUTATIONS = (
     ),
     Mutation(
         "preconditioner: a pivot of rounding errors counts as positive",
-        PRECONDITIONER,
-        "if (pivot <= 4e-16 * q * before || pivot <= 0) return kIndefinite;",
-        "if (pivot <= 0) return kIndefinite;",
+        INVERSE,
+        "if (pivot <= 4e-16 * q * before || pivot <= 0) return kNotPositiveDefinite;",
+        "if (pivot <= 0) return kNotPositiveDefinite;",
         (
             "tests/runtime/projection/test_borderline_matrices.py::test_projections_whose_last_pivot_is_a_rounding_error",
         ),

@@ -9,6 +9,7 @@ import pytest
 
 from yasps.runtime.core.library import DETERMINISTIC_PIECES, Runtime
 from yasps.runtime.matrix.block_matrix import BlockMatrix
+from yasps.runtime.solvers.options import SolveOptions
 from yasps.runtime.solvers.pcg import PcgSolver
 
 THREADS = (1, 2, 3, 7, DETERMINISTIC_PIECES + 3)
@@ -47,7 +48,9 @@ def test_solution(runtime: Runtime, matrix: BlockMatrix, warm: bool) -> None:
     g = rng.standard_normal(matrix.size)
     start = rng.standard_normal(matrix.size) if warm else None
     solver = PcgSolver(runtime, deterministic=True)
-    results = [solver.solve([matrix], g, 1e-20, x0=start, with_history=True, threads=threads) for threads in THREADS]
+    results = [
+        solver.solve([matrix], g, SolveOptions(1e-20, history=True), x0=start, threads=threads) for threads in THREADS
+    ]
     x, report = results[0]
     np.testing.assert_allclose(matrix.to_scipy() @ x, g, rtol=1e-8, atol=1e-8)
     for other, other_report in results[1:]:
@@ -62,7 +65,7 @@ def test_more_threads_than_unknowns(runtime: Runtime) -> None:
     for deterministic in (False, True):
         np.testing.assert_array_equal(tiny.multiply(np.array([1.0, 10.0]), 6, deterministic=deterministic), [12, 31])
         x, report = PcgSolver(runtime, deterministic=deterministic).solve(
-            [tiny], np.array([12.0, 31.0]), 1e-28, threads=6
+            [tiny], np.array([12.0, 31.0]), SolveOptions(1e-28), threads=6
         )
         assert report.converged
         np.testing.assert_allclose(x, [1, 10], rtol=1e-12)

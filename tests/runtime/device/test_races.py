@@ -21,6 +21,7 @@ from yasps.runtime.build.toolchain import RUNTIME, Source
 from yasps.runtime.core.library import Runtime
 from yasps.runtime.device.protocol import DeviceArray
 from yasps.runtime.matrix.cuda import product as cuda_product
+from yasps.runtime.solvers.options import SolveOptions
 
 # -- what finds races --------------------------------------------------------------------------------------
 
@@ -150,7 +151,7 @@ def solve(maker: Maker, layouts: Sequence[tuple[tuple[int, ...], tuple[int, ...]
         for deterministic in (False, True):
             system = maker.random(random_structure(1, *layout))
             g = np.random.default_rng(2).standard_normal(system.size)
-            maker.solver(deterministic).solve(system.parts, system.vector(g), 1e-24, 10)
+            maker.solver(deterministic).solve(system.parts, system.vector(g), SolveOptions(1e-24, 10))
 
 
 @pytest.mark.usefixtures("in_turn")

@@ -11,6 +11,7 @@ from yasps.runtime.core.library import Runtime
 from yasps.runtime.matrix.block_matrix import BlockMatrix
 from yasps.runtime.matrix.ordering import FEWEST_BLOCKS, bandwidth_reducing_order
 from yasps.runtime.solvers.direct import DirectSolver
+from yasps.runtime.solvers.options import SolveOptions
 from yasps.runtime.solvers.pcg import PcgSolver, StopReason
 
 
@@ -91,7 +92,7 @@ def test_solvers_work_in_any_order(runtime: Runtime, scene: Any, threads: int) -
     g = np.random.default_rng(0).standard_normal(scene.size)
     expected = np.linalg.solve(dense, g)
     for solver in (PcgSolver(runtime), PcgSolver(runtime, deterministic=True), DirectSolver(runtime, "superlu")):
-        x, report = solver.solve(parts, g, 1e-28, threads=threads)
+        x, report = solver.solve(parts, g, SolveOptions(1e-28), threads=threads)
         assert report.converged
         np.testing.assert_allclose(x, expected, rtol=1e-10, atol=1e-12)
 

@@ -8,6 +8,7 @@ import pytest
 from yasps.runtime.core.library import LANES, Runtime
 from yasps.runtime.matrix.block_matrix import BlockMatrix
 from yasps.runtime.solvers.direct import DirectSolver, available_libraries
+from yasps.runtime.solvers.options import SolveOptions
 from yasps.runtime.solvers.pcg import PcgSolver, StopReason
 
 
@@ -36,7 +37,7 @@ def test_blocks_of_the_same_number_at_other_places(runtime: Runtime, library: st
         (group,) = matrix.groups
         group.values[group.rows == group.cols] = 4 * np.eye(3)
         g = np.arange(1.0, 3 * count + 1)
-        x, report = solver.solve([matrix], g, 1e-24)
+        x, report = solver.solve([matrix], g, SolveOptions(1e-24))
         assert report.converged
         assert report.iterations == 0  # nothing had to be repaired
         np.testing.assert_allclose(matrix.to_scipy() @ x, g, rtol=1e-12)

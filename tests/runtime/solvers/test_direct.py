@@ -13,6 +13,7 @@ from yasps.runtime.core.library import Runtime
 from yasps.runtime.matrix.block_matrix import BlockMatrix
 from yasps.runtime.solvers import direct as direct_solver
 from yasps.runtime.solvers.direct import DirectSolver, UpperSum, available_libraries, load_library
+from yasps.runtime.solvers.options import SolveOptions
 from yasps.runtime.solvers.pcg import StopReason
 
 
@@ -51,7 +52,7 @@ def test_solves_sum_of_parts(runtime: Runtime, scene: Any, solver: DirectSolver)
     parts, dense = random_parts(runtime, scene)
     g = np.random.default_rng(1).standard_normal(scene.size)
     for threads in (1, 2):
-        x, report = solver.solve(parts, g, 1e-20, threads=threads)
+        x, report = solver.solve(parts, g, SolveOptions(1e-20), threads=threads)
         np.testing.assert_allclose(x, np.linalg.solve(dense, g), rtol=1e-10, atol=1e-12)
         assert report.converged
         assert report.direct
@@ -163,7 +164,7 @@ def test_a_grid_of_springs_is_solved_to_rounding(runtime: Runtime, solver: Direc
     degree = np.bincount(edges.ravel(), minlength=n**3)
     group.values[diagonal] = (degree[group.rows[diagonal] // 3] + 1e-6)[:, None, None] * np.eye(3)
     g = np.random.default_rng(0).standard_normal(3 * n**3)
-    x, report = solver.solve([matrix], g, 1e-18, threads=2)
+    x, report = solver.solve([matrix], g, SolveOptions(1e-18), threads=2)
     assert report.converged
     assert np.abs(matrix.to_scipy() @ x - g).max() <= 1e-8 * np.abs(x).max()
     assert isinstance(matrix.to_scipy(), sparse.csr_array)

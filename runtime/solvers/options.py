@@ -1,0 +1,51 @@
+"""What a user may ask of the solution of a linear system."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+SOLVERS = ("pcg", "direct", "auto")
+"""Names of the linear solvers."""
+WHEN_TO_PROJECT = ("always", "on-demand")
+"""When a Newton system's Hessian loses its negative eigenvalues."""
+_MOST_ITERATIONS = 2**31
+"""What fits the runtime's counter."""
+
+
+@dataclass(frozen=True)
+class SolveOptions:
+    """How the system H x = g of a Newton step is made and solved.
+
+    tolerance: relative, on the squared preconditioned norm of the residual, r^T M^-1 r <= tolerance g^T M^-1 g.
+    max_iterations: of conjugate gradients. solver: "pcg", conjugate gradients; "direct", a sparse factorisation;
+    "auto", the one that did better (see `LinearSolver`). projection: "always", or "on-demand", only where H turns out
+    not to be positive definite; a solver that is given H looks at neither of these two names. history: keep the
+    residual of every iteration of conjugate gradients in the report.
+
+    Raises ValueError for what can't limit a solver and for names that don't exist.
+    """
+
+    tolerance: float = 1e-4
+    max_iterations: int = 10_000
+    solver: str = "pcg"
+    projection: str = "always"
+    history: bool = False
+
+    def __post_init__(self) -> None:
+        """Checks the options, for all that take them."""
+        tolerance, most = self.tolerance, self.max_iterations
+        number = isinstance(tolerance, float | int | np.floating) and not isinstance(tolerance, bool)
+        if not number or not 0 <= tolerance < np.inf:
+            raise ValueError(f"tolerance of the linear solver must be a finite number >= 0, got {tolerance!r}")
+        integer = isinstance(most, int | np.integer) and not isinstance(most, bool)
+        if not integer or not 0 <= most < _MOST_ITERATIONS:
+            raise ValueError(f"max_iterations of the linear solver must be an integer >= 0, got {most!r}")
+        if self.solver not in SOLVERS:
+            raise ValueError(f"solver must be one of {', '.join(SOLVERS)}, got {self.solver!r}")
+        if self.projection not in WHEN_TO_PROJECT:
+            raise ValueError(f"projection must be one of {', '.join(WHEN_TO_PROJECT)}, got {self.projection!r}")
+
+
+DEFAULTS = SolveOptions()
