@@ -14,7 +14,7 @@ from scipy import sparse
 from benchmarks.bandwidth import memory_bandwidth
 from benchmarks.element_rows import PeersDisagreeError
 from benchmarks.measure import Peer, Report, Row, Settings, measure
-from yasps.backend.cpp.object import PRELUDE
+from yasps.backend.codegen.preludes import PRELUDES
 from yasps.frontend.commands.environment_report import cpu_model
 from yasps.meshes import box, read_tetrahedral_mesh
 from yasps.runtime.assembly.assembler import Assembler, KernelCall
@@ -53,8 +53,8 @@ extern "C" long add_given(const void* const* args, long begin, long end, const y
         for (long pair = 0; pair < 10; ++pair) {
             const double* const block = hessians + 90 * i + 9 * pair;
             const long position = sink->position[10 * i + pair];
-            double* const to = block_at(sink, position >> 2);
-            if (position & 1) {
+            double* const to = block_at(*sink, position >> kYaspsFlagBits);
+            if (position & kYaspsTurned) {
                 for (long r = 0; r < 3; ++r)
                     for (long c = 0; c < 3; ++c) to[3 * c + r] += block[3 * r + c];
             } else {
@@ -127,7 +127,8 @@ class Sum:
 
 def make_kernel(compiler: Compiler) -> tuple[ctypes.CDLL, int]:
     """The library and the address of a kernel that reads local derivatives from memory."""
-    objects = compile_sources([Source("benchmark.add_given", PRELUDE + _KERNEL)], compiler)
+    text = PRELUDES["runtime/core/sink.h"] + PRELUDES["backend/cpp/preludes/kernel.h"] + _KERNEL
+    objects = compile_sources([Source("benchmark.add_given", text)], compiler)
     library = ctypes.CDLL(str(link(objects, compiler).path))
     address = ctypes.cast(library.add_given, ctypes.c_void_p).value
     assert address is not None

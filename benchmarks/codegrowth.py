@@ -116,17 +116,13 @@ def growth(parameterisations: tuple[Parameterisation, ...]) -> Growth:
     module = run_pipeline(SceneEmitter(scene.name).emit(scene._energies, scene._targets, []))
     view = SceneView(module)
     codes = [code for code in CppEmitter(view, True).emit_all() if code.entries]
-    bodies = [_without_prelude(code.text) for code in codes]
+    bodies = [without_preludes(code.text) for code in codes]
     return Growth(
         sum(body.count("\n") for body in bodies),
         len(codes),
         sum(code.name.endswith(".derivative") for code in codes),
         max(_largest_array(body) for body in bodies),
     )
-
-
-def _without_prelude(text: str) -> str:
-    return without_preludes(text)
 
 
 BYTES = {"V": 64, "double": 8, "long": 8, "int": 4}

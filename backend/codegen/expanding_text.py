@@ -16,7 +16,6 @@ from typing import ClassVar
 from xdsl.ir import SSAValue
 
 from yasps.backend.codegen.object_text import ObjectText, c_type, size_of
-from yasps.backend.codegen.preludes import PRELUDES
 from yasps.backend.codegen.scene_view import SceneView, Slot
 from yasps.backend.codegen.slots import SlotRange, block, each, place, ranges_of
 from yasps.dialects.rel import (
@@ -134,7 +133,7 @@ class ExpandingText(ObjectText):
 
     @abstractmethod
     def declare_merged(self, rows: int) -> list[str]:
-        """Declares `packed` and `step`, a merged triangle of at most so many rows."""
+        """Declares `packed` and `step`, a merged triangle of at most so many rows, here `width`, that holds zeros."""
 
     @abstractmethod
     def project_merged(self) -> str:
@@ -268,7 +267,7 @@ class ExpandingText(ObjectText):
             into = f"at[{place(same.first + 1, k)}] = at[{place(same.first, k)}] +"
             return self.pull_slot(same.slot, k, f"(const {self.column}*)0", "0", f"({self.column}*)0", into=into)
 
-        self.preludes[PRELUDES["backend/codegen/preludes/merge.h"]] = None
+        self.begin_with("backend/codegen/preludes/merge.h")
         lines = [f"long at[{len(slots) + 1}];", "at[0] = 0;"]
         return lines + [line for same in ranges_of(slots) for line in each(same, of)]
 
@@ -301,7 +300,7 @@ class ExpandingText(ObjectText):
                     self.add_to_target(local, same.leaf + k, same.entry + k * size, size) for k in range(same.count)
                 ]
             elif same.slot.rows:
-                self.preludes[PRELUDES["backend/codegen/preludes/expand.h"]] = None
+                self.begin_with("backend/codegen/preludes/expand.h")
                 lines += each(same, expanded, scope=True)
         return lines
 
@@ -313,7 +312,6 @@ class ExpandingText(ObjectText):
             f"int leaf[{local.capacity}], start[{local.capacity + 1}], to[{rows}];",
             f"const long leaves = merge_leaves(sink, kappa, {local.capacity}, leaf, start, to), width = start[leaves];",
             *self.declare_merged(rows),
-            "for (long k = 0; k < width * (width + 1) / 2; ++k) packed[k * step] = 0.0;",
             *self.row_starts(local.slots),
             *(self.expand_merged(local.slots, triangle) if triangle else []),
             *self.curve_behind(local.slots, gradient),

@@ -18,6 +18,7 @@ from xdsl.dialects.builtin import IntegerType
 from xdsl.dialects.func import FuncOp
 from xdsl.ir import SSAValue
 
+from yasps.backend.codegen.preludes import PRELUDES
 from yasps.backend.codegen.scalar_function import function_text
 from yasps.backend.codegen.scene_view import SceneView, Slot
 from yasps.backend.codegen.slots import block, indented, place
@@ -135,6 +136,10 @@ class ObjectText(ABC):
         self.parts: list[str] = []
         self.entries: list[str] = []
         self.workspace = 0
+
+    def begin_with(self, *paths: str) -> None:
+        """Puts these of the PRELUDES at the beginning of the file, once."""
+        self.preludes |= dict.fromkeys(PRELUDES[path] for path in paths)
 
     # -- what the object reads -----------------------------------------------------------------------------
 

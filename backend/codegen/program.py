@@ -38,7 +38,7 @@ class Program:
         self.code = code
         self.codes: dict[str, ObjectCode] = code.codes
         if dump_to is not None:
-            dump_sources(list(self.codes.values()), dump_to)
+            dump_sources(code, dump_to, "cpp")
         unique = {code.symbol: code for code in self.codes.values()}
         objects = compile_sources([Source(code.symbol, code.text) for code in unique.values()], compiler)
         names = {code.symbol: name for name, code in reversed(self.codes.items())}
@@ -91,9 +91,9 @@ class Program:
         return out
 
 
-def dump_sources(codes: list[ObjectCode], folder: Path) -> None:
+def dump_sources(code: SceneCode, folder: Path, ending: str) -> None:
     """Writes the generated files, named after what they compute."""
     target = folder / "generated"
     target.mkdir(parents=True, exist_ok=True)
-    for code in codes:
-        (target / f"{file_name(code.name)}.cpp").write_text(code.text, encoding="utf-8")
+    for item in code.codes.values():
+        (target / f"{file_name(item.name)}.{ending}").write_text(item.text, encoding="utf-8")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import cast
 
@@ -145,27 +146,24 @@ class SceneView:
 
     def expanded_rows(self, name: str) -> int:
         """Most scalars of the global gradient that one instance of this source depends on."""
-        if name in self.targets:
-            return self.size(name)
-        if name in self.jacobians:
-            terminator = self.jacobians[name].body.block.last_op
-            assert isinstance(terminator, YieldJacobianOp)
-            return sum(slot.rows for value in terminator.wrt for slot in self.slots(cast(ReadOp, value.owner)))
-        if self.is_union(name):
-            return max(self.expanded_rows(member) for member in self.union_members(name))
-        return 0
+        return self._most_behind(name, self.size, lambda slot: slot.rows, 0)
 
     def capacity(self, name: str) -> int:
         """|kappa|: most blocks of the global gradient that one instance of this source depends on (appendix A.2)."""
+        return self._most_behind(name, lambda _: 1, lambda slot: slot.capacity, 1)
+
+    def _most_behind(
+        self, name: str, of_target: Callable[[str], int], of_slot: Callable[[Slot], int], least: int
+    ) -> int:
+        """What the targets behind one instance of a source add up to; of a UNION's members the most."""
         if name in self.targets:
-            return 1
+            return of_target(name)
         if name in self.jacobians:
-            terminator = self.jacobians[name].body.block.last_op
-            assert isinstance(terminator, YieldJacobianOp)
-            return sum(slot.capacity for value in terminator.wrt for slot in self.slots(cast(ReadOp, value.owner)))
+            return sum(of_slot(slot) for read in self.wrt(self.jacobians[name]) for slot in self.slots(read))
         if self.is_union(name):
-            return max(1, *(self.capacity(member) for member in self.union_members(name)))
-        return 1
+            members = self.union_members(name)
+            return max(least, *(self._most_behind(member, of_target, of_slot, least) for member in members))
+        return least
 
     def slots(self, read: ReadOp) -> list[Slot]:
         """The independent inputs a boundary read consists of: one for each connected instance of a JOIN."""

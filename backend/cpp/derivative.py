@@ -1,7 +1,7 @@
 """The kernel of an energy's derivatives: gather, derive, project, pull back, scatter, 8 instances at a time.
 
-Local blocks go to the global matrix as they are made. A slot that is a target itself is written directly (cpp_scatter);
-any other is expanded by its source's `pull` first (cpp_expand).
+Local blocks go to the global matrix as they are made. A slot that is a target itself is written directly (scatter.py),
+any other is expanded by its source's `pull` first (expand.py).
 """
 
 from __future__ import annotations

@@ -10,7 +10,6 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING
 
-from yasps.backend.codegen.preludes import PRELUDES
 from yasps.backend.codegen.scene_view import Slot
 from yasps.backend.codegen.slots import block, starts
 
@@ -31,7 +30,7 @@ def expand(
     What `use(s, t)` gives is a statement: there `block` points to the block's transpose, rows of t's unknowns `across`
     apart with s's unknowns in columns; `height<s>` and `height` are their numbers.
     """
-    text.preludes[PRELUDES["backend/cpp/preludes/expand.h"]] = None
+    text.begin_with("backend/cpp/preludes/expand.h")
     n = sum(slot.size for slot in slots)
     entry_at = starts([slot.size for slot in slots])
     reaching = [s for s, slot in enumerate(slots) if slot.rows]

@@ -20,7 +20,6 @@ from xdsl.ir import SSAValue
 
 from yasps.backend.codegen.expanding_text import SIGNATURES, ExpandingText, LocalDerivative
 from yasps.backend.codegen.object_text import SELF, ObjectEmitter, c_type, size_of
-from yasps.backend.codegen.preludes import PRELUDES
 from yasps.backend.codegen.scalar_function import vector_function, words_used
 from yasps.backend.codegen.scene_view import SceneView, Slot
 from yasps.backend.codegen.slots import block
@@ -63,9 +62,7 @@ class CppObjectText(ExpandingText):
     def __init__(self, emitter: ObjectEmitter, name: str, container: ObjectOp, has_vector_math: bool) -> None:
         super().__init__(emitter, name, container)
         self.has_vector_math = has_vector_math
-        self.preludes |= dict.fromkeys(
-            PRELUDES[path] for path in ("runtime/core/sink.h", "backend/cpp/preludes/kernel.h")
-        )
+        self.begin_with("runtime/core/sink.h", "backend/cpp/preludes/kernel.h")
 
     def splat_gathered(self) -> list[str]:
         """Packs of what `gather_scalar` gathered, the same in all lanes."""
@@ -159,8 +156,12 @@ class CppObjectText(ExpandingText):
         return expand(self, slots, triangle, add)
 
     def declare_merged(self, rows: int) -> list[str]:
-        triangle = f"V triangle_of_lanes[{rows * (rows + 1) // 2}];"
-        return [triangle, "double* const packed = (double*)triangle_of_lanes;", f"const long step = {LANES};"]
+        return [
+            f"V triangle_of_lanes[{rows * (rows + 1) // 2}];  // lanes that nobody reads hold nothing that is slow",
+            "for (long k = 0; k < width * (width + 1) / 2; ++k) triangle_of_lanes[k] = splat(0.0);",
+            "double* const packed = (double*)triangle_of_lanes;",
+            f"const long step = {LANES};",
+        ]
 
     def project_merged(self) -> str:
         return "const long changed = sink.project(packed, (int)width, 1, sink.mode);"

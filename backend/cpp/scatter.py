@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from yasps.backend.codegen.preludes import PRELUDES
 from yasps.backend.codegen.slots import block, packed_place, starts
 from yasps.backend.cpp.expand import expand_hessian
 
@@ -37,41 +36,14 @@ def _add_packs(text: CppObjectText, local: LocalDerivative, pairs: list[tuple[in
             for c in range(cols)
         ]
         places = [packed_place(local.capacity, kappa_at[s], kappa_at[t]) for s, t in same]
-        text.preludes[PRELUDES["backend/cpp/preludes/scatter.h"]] = None
-        if (rows, cols) != (3, 3):
-            text.externs[_add_packs_of_shape(rows, cols)] = None
+        text.begin_with("backend/cpp/preludes/scatter.h")
+        function = "add_packs_3x3" if (rows, cols) == (3, 3) else f"add_packs<{rows}, {cols}>"
         given = f"sink, position, {local.pairs}, lanes, {packed}, entry, place, {len(same)}"
         body = [
             f"static const short entry[] = {{{', '.join(map(str, entries))}}};",
             f"static const short place[] = {{{', '.join(map(str, places))}}};",
             f"const long* const position = sink.position + first * {local.pairs};",
-            f"add_packs_{rows}x{cols}({given});",
+            f"{function}({given});",
         ]
         lines += block("", body)
     return lines
-
-
-def _add_packs_of_shape(rows: int, cols: int) -> str:
-    """The function that adds blocks of this shape; see add_packs_3x3 in the prelude."""
-    size = rows * cols
-    vectors = -(-size // 8)
-    return f"""\
-static void add_packs_{rows}x{cols}(const yasps_sink& sink, const long* position, long stride, long lanes, const V* h,
-                                    const short* at, const short* place, long pairs) {{
-    V block[8 * {vectors}];
-    for (long p = 0; p < pairs; ++p, at += {size}) {{
-        for (long k = 0; k + 8 <= {size}; k += 8) {{
-            V entries[8];
-            for (long e = 0; e < 8; ++e) entries[e] = h[at[k + e]];
-            transpose(entries);
-            for (long l = 0; l < 8; ++l) block[{vectors} * l + k / 8] = entries[l];
-        }}
-        for (long k = {size // 8 * 8}; k < {size}; ++k)
-            for (long l = 0; l < 8; ++l) ((double*)(block + {vectors} * l))[k] = h[at[k]][l];
-        for (long l = 0; l < lanes; ++l) {{
-            const double* const b = (const double*)(block + {vectors} * l);
-            add_block(sink, position[l * stride + place[p]], b, {rows}, {cols});
-        }}
-    }}
-}}
-"""

@@ -1,6 +1,6 @@
 """The kernel of an energy's derivatives on a device: one thread gathers, derives, projects, pulls back and scatters.
 
-Blocks between targets go from registers to the global matrix; any other is expanded a row at a time (cuda_expand).
+Blocks between targets go from registers to the global matrix; any other is expanded a row at a time.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
 """One object of a compiled scene as one file of CUDA C++: one instance for each thread (paper, section 7).
 
-The entry points are those of cpp_object, with these differences: `X_batch(a, count, out)` and `X_derive(a, count, ...)`
-are kernels; `X_pull(a, i, b, out)` takes one vector b, and without it only counts its rows.
+The entry points are those of cpp/object.py, with these differences: `X_batch(a, count, out)` and
+`X_derive(a, count, ...)` are kernels; `X_pull(a, i, b, out)` takes one vector b, and without it only counts its rows.
 """
 
 from __future__ import annotations
@@ -13,7 +13,6 @@ from xdsl.ir import SSAValue
 
 from yasps.backend.codegen.expanding_text import SIGNATURES, ExpandingText, LocalDerivative
 from yasps.backend.codegen.object_text import SELF, ObjectEmitter
-from yasps.backend.codegen.preludes import PRELUDES
 from yasps.backend.codegen.scene_view import Slot
 from yasps.backend.codegen.slots import SlotRange, block, ranges_of
 from yasps.backend.cuda.expand import expand
@@ -46,8 +45,7 @@ class CudaObjectText(ExpandingText):
 
     def __init__(self, emitter: ObjectEmitter, name: str, container: ObjectOp) -> None:
         super().__init__(emitter, name, container)
-        paths = ("runtime/core/sink.h", "backend/cuda/preludes/kernel.cuh")
-        self.preludes |= dict.fromkeys(PRELUDES[path] for path in paths)
+        self.begin_with("runtime/core/sink.h", "backend/cuda/preludes/kernel.cuh")
 
     def helpers(self) -> list[str]:
         """None: the device has all functions."""
@@ -84,6 +82,7 @@ class CudaObjectText(ExpandingText):
             f"const long step = {ALL_THREADS};",
             "double* const packed = sink.workspace + thread;",
             f"double* const work = packed + {triangle} * step;",
+            "for (long k = 0; k < width * (width + 1) / 2; ++k) packed[k * step] = 0.0;",
         ]
 
     def project_merged(self) -> str:

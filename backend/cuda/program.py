@@ -4,14 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
 
 from yasps.backend.codegen.object_text import Binding
 from yasps.backend.codegen.program import CompiledModule
 from yasps.backend.codegen.scene_code import SceneCode
-from yasps.runtime.build.cache import file_name
 from yasps.runtime.build.cuda.sources import runtime_sources
 from yasps.runtime.build.toolchain import Source
 from yasps.runtime.core.sink import DEVICE_FIELDS, THREADS
@@ -104,11 +102,3 @@ def modules_of(code: SceneCode) -> list[Source]:
     names = {item.symbol: name for name, item in reversed(code.codes.items())}
     texts = {item.symbol: item.text for item in code.codes.values()}
     return [Source(names[symbol], text) for symbol, text in texts.items()]
-
-
-def dump_modules(code: SceneCode, folder: Path) -> None:
-    """Writes the generated files, named after what they compute."""
-    target = folder / "generated"
-    target.mkdir(parents=True, exist_ok=True)
-    for module in modules_of(code):
-        (target / f"{file_name(module.name)}.cu").write_text(module.text, encoding="utf-8")

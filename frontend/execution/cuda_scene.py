@@ -16,10 +16,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from yasps.backend.codegen.object_text import Binding
-from yasps.backend.codegen.program import CompiledModule
+from yasps.backend.codegen.program import CompiledModule, dump_sources
 from yasps.backend.codegen.scene_view import SceneView
 from yasps.backend.cuda.object import CudaEmitter
-from yasps.backend.cuda.program import NONE_BAD, CudaProgram, DerivativeLaunch, dump_modules
+from yasps.backend.cuda.program import NONE_BAD, CudaProgram, DerivativeLaunch
 from yasps.frontend.errors import ConnectivityError, DataError
 from yasps.frontend.execution.compiled_scene import CompiledScene, Term
 from yasps.frontend.execution.device_report import CUDA_KEY
@@ -78,7 +78,7 @@ class CudaScene(CompiledScene):
 
     def _build(self, dump_to: Path | None) -> Sequence[CompiledModule]:
         if dump_to is not None:
-            dump_modules(self.code, dump_to)
+            dump_sources(self.code, dump_to, "cu")
         device, deterministic = self.device, self._deterministic
         self.program = CudaProgram(self.code, device)
         loaded = self.program.loaded

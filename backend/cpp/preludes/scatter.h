@@ -47,3 +47,24 @@ static void add_packs_3x3(const yasps_sink& sink, const long* position, long str
             }
     }
 }
+// The same for blocks of any shape.
+template <long rows, long cols>
+static void add_packs(const yasps_sink& sink, const long* position, long stride, long lanes, const V* h,
+                      const short* at, const short* place, long pairs) {
+    constexpr long size = rows * cols, vectors = (size + 7) / 8;
+    V block[8 * vectors];
+    for (long p = 0; p < pairs; ++p, at += size) {
+        for (long k = 0; k + 8 <= size; k += 8) {
+            V entries[8];
+            for (long e = 0; e < 8; ++e) entries[e] = h[at[k + e]];
+            transpose(entries);
+            for (long l = 0; l < 8; ++l) block[vectors * l + k / 8] = entries[l];
+        }
+        for (long k = size / 8 * 8; k < size; ++k)
+            for (long l = 0; l < 8; ++l) ((double*)(block + vectors * l))[k] = h[at[k]][l];
+        for (long l = 0; l < lanes; ++l) {
+            const double* const b = (const double*)(block + vectors * l);
+            add_block(sink, position[l * stride + place[p]], b, rows, cols);
+        }
+    }
+}

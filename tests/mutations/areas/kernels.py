@@ -170,4 +170,11 @@ MUTATIONS = (
         '"olt": "{0} > {1}"',
         ("tests/frontend/language/test_functions.py",),
     ),
+    Mutation(
+        "packed triangles: an entry below the diagonal is looked for as if it were above",
+        "runtime/core/sink.h",
+        "r <= c ? upper_place(n, r, c) : upper_place(n, c, r)",
+        "upper_place(n, r, c)",
+        ("tests/backend/codegen/test_agreement.py::test_a_packed_triangle_has_one_order",),
+    ),
 )

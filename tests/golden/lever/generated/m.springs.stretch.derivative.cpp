@@ -76,10 +76,10 @@ extern "C" long yasps<m.springs.stretch.derivative>_derive(Arguments a, long beg
                 for (long k = 0; k < 10; ++k) triangle[k] = middle[k][l];
                 int leaf[2], start[3], to[2];
                 const long leaves = merge_leaves(sink, kappa, 2, leaf, start, to), width = start[leaves];
-                V triangle_of_lanes[3];
+                V triangle_of_lanes[3];  // lanes that nobody reads hold nothing that is slow
+                for (long k = 0; k < width * (width + 1) / 2; ++k) triangle_of_lanes[k] = splat(0.0);
                 double* const packed = (double*)triangle_of_lanes;
                 const long step = 8;
-                for (long k = 0; k < width * (width + 1) / 2; ++k) packed[k * step] = 0.0;
                 long at[3];
                 at[0] = 0;
                 for (long k = 0; k < 2; ++k) {
