@@ -94,15 +94,16 @@ class _Differentiation:
         dependence = DependenceMap(b.body, inputs)
         one = b.number(1.0)
         hessian: SSAValue | None = None
+        cut: list[SSAValue] = []
         checked = value
         if dependence[value] is Dependence.NONLINEAR:
-            hessian = self.hessian(b, dependence, value, one, inputs)
+            hessian, cut = self.hessian(b, dependence, value, one, inputs)
         else:
             checked = _constant_part(b, dependence, value, inputs)
         # From the top again: the energy may depend on the inputs linearly beside the cut. Value numbering makes what
         # both traversals share once.
         gradients = pull_back(b, dependence, {value: one}, inputs)
-        b.append(YieldDerivativeOp(checked, stacked(b, inputs, gradients), hessian, inputs))
+        b.append(YieldDerivativeOp(checked, stacked(b, inputs, gradients), hessian, inputs, cut))
         for read in inputs:
             self.need_jacobians(read.owner)
         derivative = DerivativeOp(f"{attribute.symbol}.derivative", energy, attribute.owner, b.body)
@@ -113,15 +114,18 @@ class _Differentiation:
 
     def hessian(
         self, b: BodyBuilder, dependence: DependenceMap, value: SSAValue, one: SSAValue, inputs: list[SSAValue]
-    ) -> SSAValue:
-        """L^T S L, with S the Hessian with respect to the smallest linear cut."""
+    ) -> tuple[SSAValue, list[SSAValue]]:
+        """L^T S L, with S the Hessian with respect to the smallest linear cut, and that cut.
+
+        The cut is empty where S is with respect to constant combinations of several values.
+        """
         cut = linear_cut(dependence, inputs)
         constant = constant_map(dependence, inputs, sum(size_of(v) for v in cut))
         values = cut if constant is None else constant.values
         gradients = pull_back(b, dependence, {value: one}, values)
         listed = [gradients.get(v, b.zeros(shape_of(v))) for v in values]
         if constant is None:
-            return b.congruence(jacobian(b, listed, cut), jacobian(b, cut, inputs))
+            return b.congruence(jacobian(b, listed, cut), jacobian(b, cut, inputs)), cut
         directions = []
         for column in constant.expand.T:
             parts = np.split(column, np.cumsum([size_of(v) for v in values])[:-1])
@@ -129,7 +133,7 @@ class _Differentiation:
             directions.append(seeds)
         moved = directional(b, listed, directions)
         symmetric = b.matmul(b.constant(constant.expand.T), moved)
-        return b.congruence(symmetric, b.constant(constant.rows))
+        return b.congruence(symmetric, b.constant(constant.rows)), []
 
     def is_curved(self, name: str) -> bool:
         """Is the attribute, or one it reads on the way to a target, nonlinear? Known once its Jacobians are made."""

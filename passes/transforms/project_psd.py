@@ -84,7 +84,6 @@ def _insert(derivative: DerivativeOp, terminator: YieldDerivativeOp, symmetric: 
             projected[value] = b.congruence(hessian(op.operands[0]), op.operands[1])
         return projected[value]
 
-    b.append(
-        YieldDerivativeOp(terminator.energy, terminator.gradient, hessian(terminator.hessian), list(terminator.wrt))
-    )
+    energy, gradient, wrt, cut = terminator.energy, terminator.gradient, terminator.wrt, terminator.cut
+    b.append(YieldDerivativeOp(energy, gradient, hessian(terminator.hessian), wrt, cut))
     terminator.erase()

@@ -102,7 +102,7 @@ builtin.module {
       %27 = mat.embed %25[0, 0] : 2x2
       %28 = mat.add %26, %27 : 2x2
       %29 = mat.reshape %28 : 4x1
-      rel.yield_derivative %6 gradient %29 hessian %24 wrt %0
+      rel.yield_derivative %6 gradient %29 hessian %24 cut %3 wrt %0
     }
   }
 }

@@ -196,7 +196,7 @@ builtin.module {
       %95 = mat.embed %93[0, 0] : 2x3
       %96 = mat.add %94, %95 : 2x3
       %97 = mat.reshape %96 : 6x1
-      rel.yield_derivative %13 gradient %97 hessian %92 wrt %1
+      rel.yield_derivative %13 gradient %97 hessian %92 cut %4 wrt %1
     }
   }
 }

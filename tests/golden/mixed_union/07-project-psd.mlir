@@ -198,7 +198,7 @@ builtin.module {
       %97 = mat.reshape %96 : 6x1
       %98 = mat.project_psd %75 mode "clamp" : 3x3
       %99 = mat.congruence %98, %91 : 6x6
-      rel.yield_derivative %13 gradient %97 hessian %99 wrt %1
+      rel.yield_derivative %13 gradient %97 hessian %99 cut %4 wrt %1
     }
   }
 }

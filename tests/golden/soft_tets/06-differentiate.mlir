@@ -232,7 +232,7 @@ builtin.module {
       %190 = mat.add %189, %185 : 4x3
       %191 = mat.add %190, %188 : 4x3
       %192 = mat.reshape %191 : 12x1
-      rel.yield_derivative %14 gradient %192 hessian %176 wrt %1
+      rel.yield_derivative %14 gradient %192 hessian %176 cut %9 wrt %1
     }
     rel.derivative @m.v.gravity.derivative of @m.v.gravity on @m.v projection "clamp" {
       %0 = rel.data @m.v.gravity.numbers : 1x1

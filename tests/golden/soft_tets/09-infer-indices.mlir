@@ -234,7 +234,7 @@ builtin.module {
       %192 = mat.reshape %191 : 12x1
       %193 = mat.project_psd %144 mode "clamp" isotropic in %9 : 9x9
       %194 = mat.congruence %193, %175 : 12x12
-      rel.yield_derivative %14 gradient %192 hessian %194 wrt %1
+      rel.yield_derivative %14 gradient %192 hessian %194 cut %9 wrt %1
     }
     rel.derivative @m.v.gravity.derivative of @m.v.gravity on @m.v projection "clamp" indices @m.v.gravity.kappa projects "nowhere: the energy is affine, its Hessian is zero" {
       %0 = rel.data @m.v.gravity.numbers : 1x1
