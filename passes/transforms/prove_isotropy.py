@@ -51,6 +51,7 @@ def _prove(derivative: DerivativeOp) -> None:
     matrix = cast(Matrix, projection.result.type)
     told = ProjectPsdOp([projection.operands[0], deformation], matrix, dict(projection.properties))
     block.insert_op_before(told, projection)
+    told.result.name_hint = projection.result.name_hint
     projection.result.replace_all_uses_with(told.result)
     block.erase_op(projection)
     assert derivative.projects is not None
