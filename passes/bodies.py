@@ -5,6 +5,7 @@ from __future__ import annotations
 from xdsl.ir import Block, Operation, SSAValue
 
 from yasps.dialects.mat import MatBuilder, MatOp
+from yasps.dialects.mat.builder import named
 from yasps.dialects.rel import AttributeOp, Container, JoinOp, ReadOp, RefOp, UnionOp, YieldOp, name_of
 
 
@@ -20,10 +21,9 @@ class BodyBuilder(MatBuilder):
         key = (type(op), op.result.type, *sorted(op.properties.items(), key=lambda item: item[0]))
         if key not in self._reads:
             copy = op.clone()
-            copy.result.name_hint = op.result.name_hint
             self.append(copy)
             self._reads[key] = copy.result
-        return self._reads[key]
+        return named(self._reads[key], op.result.name_hint)
 
 
 def inline_body(b: BodyBuilder, attributes: dict[str, AttributeOp], attribute: AttributeOp) -> SSAValue:
@@ -34,7 +34,8 @@ def inline_body(b: BodyBuilder, attributes: dict[str, AttributeOp], attribute: A
     values: dict[SSAValue, SSAValue] = {}
     for op in attribute.body.block.ops:
         if isinstance(op, RefOp) and not is_union(attributes[name_of(op.attribute)]):
-            values[op.result] = inline_body(b, attributes, attributes[name_of(op.attribute)])
+            inlined = inline_body(b, attributes, attributes[name_of(op.attribute)])
+            values[op.result] = named(inlined, op.result.name_hint)
         elif isinstance(op, ReadOp):
             values[op.result] = b.read(op)
         elif isinstance(op, MatOp):

@@ -121,8 +121,9 @@ class YaspsOptMain(xDSLOptMain):
 
     def output_resulting_program(self, prog: ModuleOp) -> str:
         """The module as text."""
-        if self.args.locations and self.args.target == "mlir":
-            return text_of(prog, locations=True)
+        otherwise = self.args.print_op_generic or self.args.print_debuginfo or self.args.print_no_properties
+        if self.args.target == "mlir" and not otherwise:
+            return text_of(prog, locations=self.args.locations)
         return super().output_resulting_program(prog)
 
 

@@ -20,6 +20,7 @@ from yasps.dialects.mat import OPERATIONS
 from yasps.examples import two_bunnies
 from yasps.frontend import errors
 from yasps.frontend.commands import yasps_opt
+from yasps.passes.ir_text import text_of
 from yasps.passes.pipeline import PIPELINE, make_context
 
 ROOT = Path(__file__).parents[1]
@@ -141,7 +142,7 @@ def test_every_dumped_stage_parses_back(dump: Path) -> None:
         text = path.read_text(encoding="utf-8")
         module = Parser(make_context(), text).parse_module()
         module.verify()
-        assert str(module) + "\n" == text, path.name
+        assert text_of(module) == text, path.name
 
 
 def test_the_dump_shows_what_the_text_says(dump: Path) -> None:

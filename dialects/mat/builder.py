@@ -14,6 +14,13 @@ from yasps.dialects.mat import algebra, calculus, comparison, elementwise, struc
 from yasps.dialects.mat.base import MatOp, Matrix, Shape, dense, matrix_type, shape_of
 
 
+def named(value: SSAValue, name: str | None) -> SSAValue:
+    """The value, called by this name in dumps unless it has one."""
+    if name is not None and value.name_hint is None:
+        value.name_hint = name
+    return value
+
+
 class MatBuilder:
     """Appends operations to `body`. Equal operations on equal operands give the same value."""
 
@@ -39,14 +46,12 @@ class MatBuilder:
         key = (op_class, *[id(v) for v in operands], *sorted(properties.items(), key=lambda item: item[0]))
         found = self._known.get(key)
         if found is not None:
-            return found
+            return named(found, name_hint)
         shape = op_class.infer([shape_of(v) for v in operands], properties)
         op = op_class(operands, matrix_type(shape, element), properties)
         result: SSAValue
         folded = op.fold()
         if folded is None:
-            if name_hint is not None:
-                op.result.name_hint = name_hint
             self.append(op)
             result = op.result
         else:
@@ -56,7 +61,7 @@ class MatBuilder:
             else:
                 result = self.emit(structure.ConstantOp, [], {"value": folded[0]}, element)
         self._known[key] = result
-        return result
+        return named(result, name_hint)
 
     def copy(self, op: MatOp, operands: Sequence[SSAValue]) -> SSAValue:
         """The same operation on other operands."""

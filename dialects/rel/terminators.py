@@ -9,7 +9,6 @@ from xdsl.ir import SSAValue
 from xdsl.irdl import (
     AttrSizedOperandSegments,
     IRDLOperation,
-    OptOperandDef,
     VarOperandDef,
     irdl_op_definition,
     operand_def,
@@ -41,7 +40,7 @@ class Terminator(IRDLOperation):
         """`rel.yield_jacobian %j wrt %x, %y`."""
         for word, (name, _) in zip(self.WORDS, self.get_irdl_definition().operands, strict=True):
             values: SSAValue | Sequence[SSAValue] | None = getattr(self, name)
-            if values is not None:
+            if values is not None and values != ():
                 printer.print_string(f" {word} " if word else " ")
                 print_values(printer, [values] if isinstance(values, SSAValue) else values)
         printer.print_op_attributes(self.attributes)
@@ -51,12 +50,13 @@ class Terminator(IRDLOperation):
         """Parses what `print` prints; raises ParseError."""
         groups: list[list[SSAValue]] = []
         for word, (_, definition) in zip(cls.WORDS, cls.get_irdl_definition().operands, strict=True):
-            if isinstance(definition, OptOperandDef):
-                groups.append([parse_value(parser)] if parser.parse_optional_keyword(word) else [])
-                continue
-            if word:
-                parser.parse_keyword(word)
-            groups.append(parse_values(parser) if isinstance(definition, VarOperandDef) else [parse_value(parser)])
+            is_variadic = isinstance(definition, VarOperandDef)
+            if word and parser.parse_optional_keyword(word) is None:
+                if not is_variadic:
+                    parser.raise_error(f"expected {word}")
+                groups.append([])
+            else:
+                groups.append(parse_values(parser) if is_variadic else [parse_value(parser)])
         attributes = parser.parse_optional_attr_dict()
         return cls.build(operands=groups, attributes=attributes)
 
@@ -84,18 +84,29 @@ class YieldDerivativeOp(Terminator):
     The energy is there to be checked together with its derivatives, which may be finite where it is not. So of an
     affine one it is the part without the inputs, and `lower-to-scalar` makes it cheaper: see
     passes/calculus/finite_check.py.
+
+    `cut`: the values whose entries the innermost Hessian is with respect to, the smallest linear cut through which the
+    energy sees its inputs; none where that is a basis of constant combinations, and after `lower-to-scalar`.
     """
 
     name = "rel.yield_derivative"
     energy = operand_def()
     gradient = operand_def()
     hessian = opt_operand_def()
+    cut = var_operand_def()
     wrt = var_operand_def()
     irdl_options = (AttrSizedOperandSegments(as_property=True),)
-    WORDS: ClassVar = ("", "gradient", "hessian", "wrt")
+    WORDS: ClassVar = ("", "gradient", "hessian", "cut", "wrt")
 
-    def __init__(self, energy: SSAValue, gradient: SSAValue, hessian: SSAValue | None, wrt: Sequence[SSAValue]) -> None:
-        super().__init__(operands=[[energy], [gradient], [] if hessian is None else [hessian], list(wrt)])
+    def __init__(
+        self,
+        energy: SSAValue,
+        gradient: SSAValue,
+        hessian: SSAValue | None,
+        wrt: Sequence[SSAValue],
+        cut: Sequence[SSAValue] = (),
+    ) -> None:
+        super().__init__(operands=[[energy], [gradient], [] if hessian is None else [hessian], list(cut), list(wrt)])
 
     def verify_(self) -> None:
         count = _total(self.wrt)

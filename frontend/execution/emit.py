@@ -9,6 +9,7 @@ from xdsl.dialects.builtin import FileLineColLoc, IntAttr, ModuleOp, StringAttr,
 from xdsl.ir import Block, Operation, SSAValue
 
 from yasps.dialects.mat import MatBuilder, matrix_type
+from yasps.dialects.mat.builder import named
 from yasps.dialects.rel import (
     AttributeOp,
     ConnectivityOp,
@@ -166,7 +167,7 @@ class SceneEmitter:
             else:
                 values[current] = self.reference(b, current)
             stack.pop()
-        b.append(YieldOp(values[root]))
+        b.append(YieldOp(named(values[root], attribute.name)))
         return b.body
 
     def reference(self, b: MatBuilder, attribute: Attribute) -> SSAValue:

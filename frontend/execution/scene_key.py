@@ -10,7 +10,7 @@ from pathlib import Path
 from xdsl.dialects.builtin import ModuleOp
 
 from yasps.dialects.rel import PrimitiveOp, StorageOp
-from yasps.passes.ir_text import text_of
+from yasps.passes.ir_text import unnamed_text_of
 from yasps.runtime.build.cache import digest_of
 
 SOURCES = ("dialects", "passes", "backend", "runtime", "frontend")
@@ -21,7 +21,7 @@ ENDINGS = (".py", ".h", ".cuh", ".cpp", ".cu")
 
 def text_of_key(module: ModuleOp) -> str:
     """The IR as text without what kernels get when they run: numbers of instances, and numbers that `lift-constants`
-    took out of formulas."""
+    took out of formulas; nor with names of values, which are for people."""
     sizes = [(op, op.size) for op in module.walk() if isinstance(op, PrimitiveOp)]
     numbers = [(op, op.numbers) for op in module.walk() if isinstance(op, StorageOp)]
     for primitive, _ in sizes:
@@ -29,7 +29,7 @@ def text_of_key(module: ModuleOp) -> str:
     for storage, _ in numbers:
         storage.numbers = None
     try:
-        return text_of(module)
+        return unnamed_text_of(module)
     finally:
         for primitive, size in sizes:
             primitive.size = size

@@ -70,6 +70,8 @@ def depends_on_invariants(block: Block, energy: SSAValue, deformation: SSAValue,
                 known.setdefault(result, FIXED)
         elif op.result not in known:
             known[op.result] = _spaces_of(op, [known[operand] for operand in op.operands], deformation)
+        if energy in known:
+            break  # what follows are its derivatives
     return known.get(energy) == FIXED
 
 

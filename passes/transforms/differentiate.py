@@ -20,6 +20,7 @@ from xdsl.ir import Block, Operation, SSAValue
 from xdsl.passes import ModulePass
 
 from yasps.dialects.mat import MatOp, matrix_type, shape_of
+from yasps.dialects.mat.builder import named
 from yasps.dialects.rel import (
     AttributeOp,
     Container,
@@ -38,6 +39,7 @@ from yasps.dialects.rel import (
     symbol,
 )
 from yasps.passes.analysis.dependence import Dependence, DependenceMap, size_of
+from yasps.passes.analysis.names import value_name
 from yasps.passes.analysis.reach import Reach
 from yasps.passes.bodies import BodyBuilder, containers, inline_body, is_union, source_of
 from yasps.passes.calculus.derivatives import directional, jacobian, pull_back, stacked
@@ -94,15 +96,17 @@ class _Differentiation:
         dependence = DependenceMap(b.body, inputs)
         one = b.number(1.0)
         hessian: SSAValue | None = None
+        cut: list[SSAValue] = []
         checked = value
         if dependence[value] is Dependence.NONLINEAR:
-            hessian = self.hessian(b, dependence, value, one, inputs)
+            hessian, cut = self.hessian(b, dependence, value, one, inputs)
         else:
             checked = _constant_part(b, dependence, value, inputs)
         # From the top again: the energy may depend on the inputs linearly beside the cut. Value numbering makes what
         # both traversals share once.
         gradients = pull_back(b, dependence, {value: one}, inputs)
-        b.append(YieldDerivativeOp(checked, stacked(b, inputs, gradients), hessian, inputs))
+        gradient = named(stacked(b, inputs, gradients), "gradient")
+        b.append(YieldDerivativeOp(checked, gradient, hessian, inputs, cut))
         for read in inputs:
             self.need_jacobians(read.owner)
         derivative = DerivativeOp(f"{attribute.symbol}.derivative", energy, attribute.owner, b.body)
@@ -113,15 +117,21 @@ class _Differentiation:
 
     def hessian(
         self, b: BodyBuilder, dependence: DependenceMap, value: SSAValue, one: SSAValue, inputs: list[SSAValue]
-    ) -> SSAValue:
-        """L^T S L, with S the Hessian with respect to the smallest linear cut."""
+    ) -> tuple[SSAValue, list[SSAValue]]:
+        """L^T S L, with S the Hessian with respect to the smallest linear cut, and that cut.
+
+        The cut is empty where S is with respect to constant combinations of several values.
+        """
         cut = linear_cut(dependence, inputs)
+        if len(cut) == 1 and value_name(cut[0]) is None:
+            cut[0].name_hint = "cut"
         constant = constant_map(dependence, inputs, sum(size_of(v) for v in cut))
         values = cut if constant is None else constant.values
         gradients = pull_back(b, dependence, {value: one}, values)
         listed = [gradients.get(v, b.zeros(shape_of(v))) for v in values]
         if constant is None:
-            return b.congruence(jacobian(b, listed, cut), jacobian(b, cut, inputs))
+            symmetric = named(jacobian(b, listed, cut), "hessian_of_cut")
+            return named(b.congruence(symmetric, jacobian(b, cut, inputs)), "hessian"), cut
         directions = []
         for column in constant.expand.T:
             parts = np.split(column, np.cumsum([size_of(v) for v in values])[:-1])
@@ -129,7 +139,7 @@ class _Differentiation:
             directions.append(seeds)
         moved = directional(b, listed, directions)
         symmetric = b.matmul(b.constant(constant.expand.T), moved)
-        return b.congruence(symmetric, b.constant(constant.rows))
+        return named(b.congruence(symmetric, b.constant(constant.rows)), "hessian"), []
 
     def is_curved(self, name: str) -> bool:
         """Is the attribute, or one it reads on the way to a target, nonlinear? Known once its Jacobians are made."""
@@ -187,7 +197,7 @@ class _Differentiation:
         """Hessian of <v, h(w)> for a nonlinear attribute h: the adjoint form of eq. 3's second term."""
         rows, cols = attribute.matrix_type.get_shape()
         b, value, inputs = self.copy_body(attribute, Block(arg_types=[matrix_type((rows * cols, 1))]))
-        cotangent = b.reshape(b.body.args[0], (rows, cols))
+        cotangent = b.reshape(named(b.body.args[0], "cotangent"), (rows, cols))
         gradients = pull_back(b, DependenceMap(b.body, inputs), {value: cotangent}, inputs)
         hessian = jacobian(b, [gradients.get(v, b.zeros(shape_of(v))) for v in inputs], inputs)
         b.append(YieldCurvatureOp(hessian, inputs))

@@ -19,6 +19,7 @@ from xdsl.ir import Attribute, Block, Operation, Region, SSAValue
 from xdsl.passes import ModulePass
 
 from yasps.dialects.mat import MatOp, Matrix, matrix_type, shape_of
+from yasps.dialects.mat.builder import named
 from yasps.dialects.mat.calculus import ProjectPsdOp
 from yasps.dialects.rel import (
     ApplyOp,
@@ -213,6 +214,7 @@ def _call(
         given, nodes = stage.used(graph, shared, values)
         container.body.block.add_op(_function(f"{name}_uniforms", graph, nodes, shared, element))
         once = ApplyOp(f"{name}_uniforms", given, [matrix_type((len(shared), 1), element)], uniform=True)
+        once.results[0].name_hint = "uniforms"
         b.append(once)
         operands.append(once.results[0])
         arguments += shared
@@ -285,6 +287,8 @@ def _lower_derivative(container: Container, derivative: DerivativeOp) -> None:
     (energy,) = derive.entries(terminator.energy)
     outputs.insert(0, [finite_check(derive.graph, energy, [node for part in outputs for node in part])])
     results = _call(container, b, f"{name}.derive", stage=derive, values=values, outputs=outputs)
+    for result, what in zip(results, ("energy", "gradient", "hessian", "deformation"), strict=False):
+        result.name_hint = what
     hessian = results[2] if symmetric is not None else None
     if projection is not None:
         assert hessian is not None
@@ -292,7 +296,7 @@ def _lower_derivative(container: Container, derivative: DerivativeOp) -> None:
         width = shape_of(projection.result)[0]
         project = ProjectOp(hessian, width, projection.mode.data, results[3] if len(results) == 4 else None)
         b.append(project)
-        hessian = project.result
+        hessian = named(project.result, "projected")
         if terminator.hessian is not projection.result:
             pull.add_input(projection.result, width)
             values[projection.result] = hessian
@@ -313,7 +317,7 @@ def _lower_jacobian(container: Container, jacobian: JacobianOp) -> None:
     rows, cols = shape_of(terminator.jacobian)
     b, stage = BodyBuilder(Block(arg_types=[matrix_type((rows, 1))])), _Stage()
     values = _reads(container, jacobian, b, [stage])
-    cotangent = b.body.args[0]
+    cotangent = named(b.body.args[0], "cotangent")
     stage.add_input(cotangent)
     values[cotangent] = cotangent
     entries, v = stage.entries(terminator.jacobian), stage.entries(cotangent)
@@ -331,7 +335,7 @@ def _lower_curvature(container: Container, curvature: CurvatureOp) -> None:
     b, stage = BodyBuilder(Block(arg_types=[block.args[0].type])), _Stage()
     values = _reads(container, curvature, b, [stage])
     stage.add_input(block.args[0])
-    values[block.args[0]] = b.body.args[0]
+    values[block.args[0]] = named(b.body.args[0], "cotangent")
     outputs = [stage.upper(terminator.hessian)]
     name = f"{name_of_function(curvature)}.second"
     (result,) = _call(container, b, name, stage=stage, values=values, outputs=outputs)

@@ -15,6 +15,7 @@ from xdsl.ir import SSAValue
 from xdsl.passes import ModulePass
 
 from yasps.dialects.mat import MatBuilder, shape_of
+from yasps.dialects.mat.builder import named
 from yasps.dialects.mat.calculus import CongruenceOp
 from yasps.dialects.rel import DerivativeOp, YieldDerivativeOp
 from yasps.passes.analysis.dependence import DependenceMap
@@ -75,7 +76,7 @@ def _insert(derivative: DerivativeOp, terminator: YieldDerivativeOp, symmetric: 
     assert terminator.hessian is not None
     derivative.body.block.detach_op(terminator)
     b = MatBuilder(derivative.body.block)
-    projected = {symmetric: b.project_psd(symmetric, mode)}
+    projected = {symmetric: named(b.project_psd(symmetric, mode), "projected")}
 
     def hessian(value: SSAValue) -> SSAValue:
         if value not in projected:
@@ -84,7 +85,6 @@ def _insert(derivative: DerivativeOp, terminator: YieldDerivativeOp, symmetric: 
             projected[value] = b.congruence(hessian(op.operands[0]), op.operands[1])
         return projected[value]
 
-    b.append(
-        YieldDerivativeOp(terminator.energy, terminator.gradient, hessian(terminator.hessian), list(terminator.wrt))
-    )
+    energy, gradient, wrt, cut = terminator.energy, terminator.gradient, terminator.wrt, terminator.cut
+    b.append(YieldDerivativeOp(energy, gradient, named(hessian(terminator.hessian), "hessian"), wrt, cut))
     terminator.erase()

@@ -9,32 +9,32 @@ builtin.module {
     rel.storage @m.arms.angle on @m.arms : 1x1
     rel.storage @m.tips.length on @m.tips : 1x1 constant
     rel.attribute @m.tips.angle on @m.tips : 1x1 {
-      %0 = rel.join @m.arms.angle through @m.tips.arm : 1x1
-      rel.yield %0
+      %angle = rel.join @m.arms.angle through @m.tips.arm : 1x1
+      rel.yield %angle
     }
     rel.attribute @m.tips.x on @m.tips : 2x1 {
       %angle = rel.ref @m.tips.angle : 1x1
-      %0 = mat.sin %angle : 1x1
+      %sin_angle = mat.sin %angle : 1x1
       %length = rel.data @m.tips.length : 1x1
-      %1 = mat.scale %length, %0 : 1x1
-      %2 = mat.cos %angle : 1x1
-      %3 = mat.scale %length, %2 : 1x1
-      %4 = mat.concat_rows %3, %1 : 2x1
-      rel.yield %4
+      %0 = mat.scale %length, %sin_angle : 1x1
+      %cos_angle = mat.cos %angle : 1x1
+      %1 = mat.scale %length, %cos_angle : 1x1
+      %x = mat.concat_rows %1, %0 : 2x1
+      rel.yield %x
     }
     rel.attribute @m.springs.pair on @m.springs : 2x2 {
-      %0 = rel.join @m.tips.x through @m.springs.ends : 2x2
-      rel.yield %0
+      %pair = rel.join @m.tips.x through @m.springs.ends : 2x2
+      rel.yield %pair
     }
     rel.attribute @m.springs.stretch on @m.springs : 1x1 {
       %pair = rel.ref @m.springs.pair : 2x2
-      %0 = mat.block %pair[0, 0] : 1x2
-      %1 = mat.block %pair[1, 0] : 1x2
-      %2 = mat.sub %1, %0 : 1x2
-      %3 = mat.dot %2, %2 : 1x1
-      %4 = mat.constant 0.5 : 1x1
-      %5 = mat.scale %4, %3 : 1x1
-      rel.yield %5
+      %pair_row0 = mat.block %pair[0, 0] : 1x2
+      %pair_row1 = mat.block %pair[1, 0] : 1x2
+      %0 = mat.sub %pair_row1, %pair_row0 : 1x2
+      %1 = mat.dot %0, %0 : 1x1
+      %half = mat.constant 0.5 : 1x1
+      %stretch = mat.scale %half, %1 : 1x1
+      rel.yield %stretch
     }
     rel.energy @m.springs.stretch projection "clamp"
     rel.target @m.arms.angle

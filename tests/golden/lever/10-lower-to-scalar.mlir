@@ -9,49 +9,50 @@ builtin.module {
     rel.storage @m.arms.angle on @m.arms : 1x1
     rel.storage @m.tips.length on @m.tips : 1x1 constant
     rel.attribute @m.tips.x on @m.tips : 2x1 {
-      %0 = rel.join @m.arms.angle through @m.tips.arm : 1x1
+      %angle = rel.join @m.arms.angle through @m.tips.arm : 1x1
       %length = rel.data @m.tips.length : 1x1
-      %1 = rel.apply @m.tips.x.value(%0, %length) : 2x1
-      rel.yield %1
+      %0 = rel.apply @m.tips.x.value(%angle, %length) : 2x1
+      rel.yield %0
     }
     rel.attribute @m.springs.stretch on @m.springs : 1x1 {
-      %0 = rel.join @m.tips.x through @m.springs.ends : 2x2
-      %1 = rel.apply @m.springs.stretch.value(%0) : 1x1
-      rel.yield %1
+      %pair = rel.join @m.tips.x through @m.springs.ends : 2x2
+      %0 = rel.apply @m.springs.stretch.value(%pair) : 1x1
+      rel.yield %0
     }
     rel.energy @m.springs.stretch projection "clamp"
     rel.target @m.arms.angle
     rel.jacobian @m.tips.x.jacobian of @m.tips.x on @m.tips indices @m.tips.x.kappa {
-    ^bb0(%0: tensor<2x1xf64>):
-      %1 = rel.join @m.arms.angle through @m.tips.arm : 1x1
+    ^bb0(%cotangent: tensor<2x1xf64>):
+      %angle = rel.join @m.arms.angle through @m.tips.arm : 1x1
       %length = rel.data @m.tips.length : 1x1
-      %2 = rel.apply @m.tips.x.pull_back(%1, %length, %0) : 1x1
-      rel.yield_jacobian %2 wrt %1
+      %0 = rel.apply @m.tips.x.pull_back(%angle, %length, %cotangent) : 1x1
+      rel.yield_jacobian %0 wrt %angle
     }
     rel.curvature @m.tips.x.curvature of @m.tips.x on @m.tips {
-    ^bb0(%0: tensor<2x1xf64>):
-      %1 = rel.join @m.arms.angle through @m.tips.arm : 1x1
+    ^bb0(%cotangent: tensor<2x1xf64>):
+      %angle = rel.join @m.arms.angle through @m.tips.arm : 1x1
       %length = rel.data @m.tips.length : 1x1
-      %2 = rel.apply @m.tips.x.second(%1, %length, %0) : 1x1
-      rel.yield_curvature %2 wrt %1
+      %0 = rel.apply @m.tips.x.second(%angle, %length, %cotangent) : 1x1
+      rel.yield_curvature %0 wrt %angle
     }
+    // energy @m.springs.stretch of pair 2x2; projection clamp the whole local Hessian, expanded to the targets; operations: derive 8
     rel.derivative @m.springs.stretch.derivative of @m.springs.stretch on @m.springs projection "clamp" curved indices @m.springs.stretch.kappa projects "the whole local Hessian, expanded to the targets: an input is nonlinear in them" {
-      %0 = rel.join @m.tips.x through @m.springs.ends : 2x2
-      %1, %2, %3 = rel.apply @m.springs.stretch.derive(%0) : 1x1, 4x1, 10x1
-      rel.yield_derivative %1 gradient %2 hessian %3 wrt %0
+      %pair = rel.join @m.tips.x through @m.springs.ends : 2x2
+      %energy, %gradient, %hessian = rel.apply @m.springs.stretch.derive(%pair) : 1x1, 4x1, 10x1
+      rel.yield_derivative %energy gradient %gradient hessian %hessian wrt %pair
     }
     rel.attribute @m.arms.angle.kappa on @m.arms : 1x1xi32 {
-      %0 = rel.target_index @m.arms.angle : 1x1xi32
-      rel.yield %0
+      %index_of_angle = rel.target_index @m.arms.angle : 1x1xi32
+      rel.yield %index_of_angle
     }
     rel.attribute @m.tips.x.kappa on @m.tips : 1x1xi32 {
-      %0 = rel.join @m.arms.angle.kappa through @m.tips.arm : 1x1xi32
-      rel.yield %0
+      %angle_kappa_at_arm = rel.join @m.arms.angle.kappa through @m.tips.arm : 1x1xi32
+      rel.yield %angle_kappa_at_arm
     }
     rel.attribute @m.springs.stretch.kappa on @m.springs : 1x2xi32 {
-      %0 = rel.join @m.tips.x.kappa through @m.springs.ends : 2x1xi32
-      %1 = rel.apply @m.springs.stretch.kappa.value(%0) : 1x2xi32
-      rel.yield %1
+      %x_kappa_at_ends = rel.join @m.tips.x.kappa through @m.springs.ends : 2x1xi32
+      %0 = rel.apply @m.springs.stretch.kappa.value(%x_kappa_at_ends) : 1x2xi32
+      rel.yield %0
     }
     func.func @m.tips.x.value(%0: f64, %1: f64) -> (f64, f64) {
       %2 = math.sin %0 : f64

@@ -18,33 +18,33 @@ builtin.module {
     rel.storage @stiff.body.A on @stiff.body : 3x3
     rel.storage @still.v.x on @still.v : 3x1 constant
     rel.attribute @stiff.v.x on @stiff.v : 3x1 {
-      %0 = rel.join @stiff.body.t through @stiff.v.owner : 1x3
-      %1 = mat.reshape %0 : 3x1
+      %t = rel.join @stiff.body.t through @stiff.v.owner : 1x3
+      %t_flat = mat.reshape %t : 3x1
       %rest = rel.data @stiff.v.rest : 3x1
-      %2 = rel.join @stiff.body.A through @stiff.v.owner : 1x9
-      %3 = mat.reshape %2 : 3x3
-      %4 = mat.matmul %3, %rest : 3x1
-      %5 = mat.add %4, %1 : 3x1
-      rel.yield %5
+      %A = rel.join @stiff.body.A through @stiff.v.owner : 1x9
+      %0 = mat.reshape %A : 3x3
+      %1 = mat.matmul %0, %rest : 3x1
+      %x = mat.add %1, %t_flat : 3x1
+      rel.yield %x
     }
     rel.attribute @both.v.x on @both.v : 3x1 {
-      %0 = rel.union [@soft.v.x, @stiff.v.x, @still.v.x] : 3x1
-      rel.yield %0
+      %x = rel.union [@soft.v.x, @stiff.v.x, @still.v.x] : 3x1
+      rel.yield %x
     }
     rel.attribute @both.pp.barrier on @both.pp : 1x1 {
       %0 = mat.constant 2.5 : 1x1
-      %1 = rel.join @both.v.x through @both.pp.ends : 2x3
-      %2 = mat.block %1[0, 0] : 1x3
-      %3 = mat.block %1[1, 0] : 1x3
-      %4 = mat.sub %3, %2 : 1x3
-      %5 = mat.dot %4, %4 : 1x1
-      %6 = mat.divide %5, %0 : 1x1
-      %7 = mat.log %6 : 1x1
-      %8 = mat.sub %5, %0 : 1x1
-      %9 = mat.scale %8, %8 : 1x1
-      %10 = mat.scale %9, %7 : 1x1
-      %11 = mat.scale %10, %7 : 1x1
-      rel.yield %11
+      %pair = rel.join @both.v.x through @both.pp.ends : 2x3
+      %pair_row0 = mat.block %pair[0, 0] : 1x3
+      %pair_row1 = mat.block %pair[1, 0] : 1x3
+      %1 = mat.sub %pair_row1, %pair_row0 : 1x3
+      %2 = mat.dot %1, %1 : 1x1
+      %3 = mat.divide %2, %0 : 1x1
+      %4 = mat.log %3 : 1x1
+      %5 = mat.sub %2, %0 : 1x1
+      %6 = mat.scale %5, %5 : 1x1
+      %7 = mat.scale %6, %4 : 1x1
+      %barrier = mat.scale %7, %4 : 1x1
+      rel.yield %barrier
     }
     rel.energy @both.pp.barrier projection "clamp" dynamic
     rel.target @soft.v.x

@@ -19,35 +19,35 @@ builtin.module {
     rel.storage @still.v.x on @still.v : 3x1 constant
     rel.storage @both.pp.barrier.numbers on @mixed_union : 2x1 constant numbers 2.5
     rel.attribute @stiff.v.x on @stiff.v : 3x1 {
-      %0 = rel.join @stiff.body.t through @stiff.v.owner : 1x3
-      %1 = mat.reshape %0 : 3x1
+      %t = rel.join @stiff.body.t through @stiff.v.owner : 1x3
+      %t_flat = mat.reshape %t : 3x1
       %rest = rel.data @stiff.v.rest : 3x1
-      %2 = rel.join @stiff.body.A through @stiff.v.owner : 1x9
-      %3 = mat.reshape %2 : 3x3
-      %4 = mat.matmul %3, %rest : 3x1
-      %5 = mat.add %4, %1 : 3x1
-      rel.yield %5
+      %A = rel.join @stiff.body.A through @stiff.v.owner : 1x9
+      %0 = mat.reshape %A : 3x3
+      %1 = mat.matmul %0, %rest : 3x1
+      %x = mat.add %1, %t_flat : 3x1
+      rel.yield %x
     }
     rel.attribute @both.v.x on @both.v : 3x1 {
-      %0 = rel.union [@soft.v.x, @stiff.v.x, @still.v.x] : 3x1
-      rel.yield %0
+      %x = rel.union [@soft.v.x, @stiff.v.x, @still.v.x] : 3x1
+      rel.yield %x
     }
     rel.attribute @both.pp.barrier on @both.pp : 1x1 {
-      %0 = rel.data @both.pp.barrier.numbers : 2x1
-      %1 = rel.join @both.v.x through @both.pp.ends : 2x3
-      %2 = mat.block %1[0, 0] : 1x3
-      %3 = mat.block %1[1, 0] : 1x3
-      %4 = mat.sub %3, %2 : 1x3
-      %5 = mat.dot %4, %4 : 1x1
-      %6 = mat.block %0[0, 0] : 1x1
-      %7 = mat.divide %5, %6 : 1x1
-      %8 = mat.log %7 : 1x1
-      %9 = mat.block %0[1, 0] : 1x1
-      %10 = mat.sub %5, %9 : 1x1
-      %11 = mat.scale %10, %10 : 1x1
-      %12 = mat.scale %11, %8 : 1x1
-      %13 = mat.scale %12, %8 : 1x1
-      rel.yield %13
+      %barrier_numbers = rel.data @both.pp.barrier.numbers : 2x1
+      %pair = rel.join @both.v.x through @both.pp.ends : 2x3
+      %pair_row0 = mat.block %pair[0, 0] : 1x3
+      %pair_row1 = mat.block %pair[1, 0] : 1x3
+      %0 = mat.sub %pair_row1, %pair_row0 : 1x3
+      %1 = mat.dot %0, %0 : 1x1
+      %barrier_numbers_row0 = mat.block %barrier_numbers[0, 0] : 1x1
+      %2 = mat.divide %1, %barrier_numbers_row0 : 1x1
+      %3 = mat.log %2 : 1x1
+      %barrier_numbers_row1 = mat.block %barrier_numbers[1, 0] : 1x1
+      %4 = mat.sub %1, %barrier_numbers_row1 : 1x1
+      %5 = mat.scale %4, %4 : 1x1
+      %6 = mat.scale %5, %3 : 1x1
+      %barrier = mat.scale %6, %3 : 1x1
+      rel.yield %barrier
     }
     rel.energy @both.pp.barrier projection "clamp" dynamic
     rel.target @soft.v.x

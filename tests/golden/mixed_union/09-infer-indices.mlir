@@ -19,217 +19,218 @@ builtin.module {
     rel.storage @still.v.x on @still.v : 3x1 constant
     rel.storage @both.pp.barrier.numbers on @mixed_union : 2x1 constant numbers 2.5
     rel.attribute @stiff.v.x on @stiff.v : 3x1 {
-      %0 = rel.join @stiff.body.t through @stiff.v.owner : 1x3
-      %1 = mat.reshape %0 : 3x1
+      %t = rel.join @stiff.body.t through @stiff.v.owner : 1x3
+      %t_flat = mat.reshape %t : 3x1
       %rest = rel.data @stiff.v.rest : 3x1
-      %2 = rel.join @stiff.body.A through @stiff.v.owner : 1x9
-      %3 = mat.reshape %2 : 3x3
-      %4 = mat.matmul %3, %rest : 3x1
-      %5 = mat.add %4, %1 : 3x1
-      rel.yield %5
+      %A = rel.join @stiff.body.A through @stiff.v.owner : 1x9
+      %0 = mat.reshape %A : 3x3
+      %1 = mat.matmul %0, %rest : 3x1
+      %x = mat.add %1, %t_flat : 3x1
+      rel.yield %x
     }
     rel.attribute @both.v.x on @both.v : 3x1 {
-      %0 = rel.union [@soft.v.x, @stiff.v.x, @still.v.x] : 3x1
-      rel.yield %0
+      %x = rel.union [@soft.v.x, @stiff.v.x, @still.v.x] : 3x1
+      rel.yield %x
     }
     rel.attribute @both.pp.barrier on @both.pp : 1x1 {
-      %0 = rel.data @both.pp.barrier.numbers : 2x1
-      %1 = rel.join @both.v.x through @both.pp.ends : 2x3
-      %2 = mat.block %1[0, 0] : 1x3
-      %3 = mat.block %1[1, 0] : 1x3
-      %4 = mat.sub %3, %2 : 1x3
-      %5 = mat.dot %4, %4 : 1x1
-      %6 = mat.block %0[0, 0] : 1x1
-      %7 = mat.divide %5, %6 : 1x1
-      %8 = mat.log %7 : 1x1
-      %9 = mat.block %0[1, 0] : 1x1
-      %10 = mat.sub %5, %9 : 1x1
-      %11 = mat.scale %10, %10 : 1x1
-      %12 = mat.scale %11, %8 : 1x1
-      %13 = mat.scale %12, %8 : 1x1
-      rel.yield %13
+      %barrier_numbers = rel.data @both.pp.barrier.numbers : 2x1
+      %pair = rel.join @both.v.x through @both.pp.ends : 2x3
+      %pair_row0 = mat.block %pair[0, 0] : 1x3
+      %pair_row1 = mat.block %pair[1, 0] : 1x3
+      %0 = mat.sub %pair_row1, %pair_row0 : 1x3
+      %1 = mat.dot %0, %0 : 1x1
+      %barrier_numbers_row0 = mat.block %barrier_numbers[0, 0] : 1x1
+      %2 = mat.divide %1, %barrier_numbers_row0 : 1x1
+      %3 = mat.log %2 : 1x1
+      %barrier_numbers_row1 = mat.block %barrier_numbers[1, 0] : 1x1
+      %4 = mat.sub %1, %barrier_numbers_row1 : 1x1
+      %5 = mat.scale %4, %4 : 1x1
+      %6 = mat.scale %5, %3 : 1x1
+      %barrier = mat.scale %6, %3 : 1x1
+      rel.yield %barrier
     }
     rel.energy @both.pp.barrier projection "clamp" dynamic
     rel.target @soft.v.x
     rel.target @stiff.body.A
     rel.target @stiff.body.t
     rel.jacobian @stiff.v.x.jacobian of @stiff.v.x on @stiff.v indices @stiff.v.x.kappa {
-      %0 = rel.join @stiff.body.t through @stiff.v.owner : 1x3
-      %1 = mat.reshape %0 : 3x1
+      %t = rel.join @stiff.body.t through @stiff.v.owner : 1x3
+      %t_flat = mat.reshape %t : 3x1
       %rest = rel.data @stiff.v.rest : 3x1
-      %2 = rel.join @stiff.body.A through @stiff.v.owner : 1x9
-      %3 = mat.reshape %2 : 3x3
-      %4 = mat.matmul %3, %rest : 3x1
-      %5 = mat.add %4, %1 : 3x1
-      %6 = mat.constant [[1.0, 0.0, 0.0]] : 1x3
-      %7 = mat.constant [[0.0, 1.0, 0.0]] : 1x3
-      %8 = mat.constant [[0.0, 0.0, 1.0]] : 1x3
-      %9 = mat.constant [[1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0]] : 1x9
-      %10 = mat.constant [[0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0]] : 1x9
-      %11 = mat.constant [[0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0]] : 1x9
-      %12 = mat.constant [[0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 0.0]] : 1x9
-      %13 = mat.constant [[0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0]] : 1x9
-      %14 = mat.constant [[0.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0]] : 1x9
-      %15 = mat.constant [[0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0]] : 1x9
-      %16 = mat.constant [[0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0]] : 1x9
-      %17 = mat.constant [[0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0]] : 1x9
-      %18 = mat.constant [[1.0], [0.0], [0.0]] : 3x1
-      %19 = mat.constant [[0.0], [1.0], [0.0]] : 3x1
-      %20 = mat.constant [[0.0], [0.0], [1.0]] : 3x1
-      %21 = mat.constant [[1.0, 0.0, 0.0], [0.0, 0.0, 0.0], [0.0, 0.0, 0.0]] : 3x3
+      %A = rel.join @stiff.body.A through @stiff.v.owner : 1x9
+      %0 = mat.reshape %A : 3x3
+      %1 = mat.matmul %0, %rest : 3x1
+      %x = mat.add %1, %t_flat : 3x1
+      %2 = mat.constant [[1.0, 0.0, 0.0]] : 1x3
+      %3 = mat.constant [[0.0, 1.0, 0.0]] : 1x3
+      %4 = mat.constant [[0.0, 0.0, 1.0]] : 1x3
+      %5 = mat.constant [[1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0]] : 1x9
+      %6 = mat.constant [[0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0]] : 1x9
+      %7 = mat.constant [[0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0]] : 1x9
+      %8 = mat.constant [[0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 0.0]] : 1x9
+      %9 = mat.constant [[0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0]] : 1x9
+      %10 = mat.constant [[0.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0]] : 1x9
+      %11 = mat.constant [[0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0]] : 1x9
+      %12 = mat.constant [[0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0]] : 1x9
+      %13 = mat.constant [[0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0]] : 1x9
+      %14 = mat.constant [[1.0], [0.0], [0.0]] : 3x1
+      %15 = mat.constant [[0.0], [1.0], [0.0]] : 3x1
+      %16 = mat.constant [[0.0], [0.0], [1.0]] : 3x1
+      %17 = mat.constant [[1.0, 0.0, 0.0], [0.0, 0.0, 0.0], [0.0, 0.0, 0.0]] : 3x3
+      %18 = mat.matmul %17, %rest : 3x1
+      %19 = mat.constant [[0.0, 1.0, 0.0], [0.0, 0.0, 0.0], [0.0, 0.0, 0.0]] : 3x3
+      %20 = mat.matmul %19, %rest : 3x1
+      %21 = mat.constant [[0.0, 0.0, 1.0], [0.0, 0.0, 0.0], [0.0, 0.0, 0.0]] : 3x3
       %22 = mat.matmul %21, %rest : 3x1
-      %23 = mat.constant [[0.0, 1.0, 0.0], [0.0, 0.0, 0.0], [0.0, 0.0, 0.0]] : 3x3
+      %23 = mat.constant [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 0.0]] : 3x3
       %24 = mat.matmul %23, %rest : 3x1
-      %25 = mat.constant [[0.0, 0.0, 1.0], [0.0, 0.0, 0.0], [0.0, 0.0, 0.0]] : 3x3
+      %25 = mat.constant [[0.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 0.0]] : 3x3
       %26 = mat.matmul %25, %rest : 3x1
-      %27 = mat.constant [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 0.0]] : 3x3
+      %27 = mat.constant [[0.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, 0.0, 0.0]] : 3x3
       %28 = mat.matmul %27, %rest : 3x1
-      %29 = mat.constant [[0.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 0.0]] : 3x3
+      %29 = mat.constant [[0.0, 0.0, 0.0], [0.0, 0.0, 0.0], [1.0, 0.0, 0.0]] : 3x3
       %30 = mat.matmul %29, %rest : 3x1
-      %31 = mat.constant [[0.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, 0.0, 0.0]] : 3x3
+      %31 = mat.constant [[0.0, 0.0, 0.0], [0.0, 0.0, 0.0], [0.0, 1.0, 0.0]] : 3x3
       %32 = mat.matmul %31, %rest : 3x1
-      %33 = mat.constant [[0.0, 0.0, 0.0], [0.0, 0.0, 0.0], [1.0, 0.0, 0.0]] : 3x3
+      %33 = mat.constant [[0.0, 0.0, 0.0], [0.0, 0.0, 0.0], [0.0, 0.0, 1.0]] : 3x3
       %34 = mat.matmul %33, %rest : 3x1
-      %35 = mat.constant [[0.0, 0.0, 0.0], [0.0, 0.0, 0.0], [0.0, 1.0, 0.0]] : 3x3
-      %36 = mat.matmul %35, %rest : 3x1
-      %37 = mat.constant [[0.0, 0.0, 0.0], [0.0, 0.0, 0.0], [0.0, 0.0, 1.0]] : 3x3
-      %38 = mat.matmul %37, %rest : 3x1
-      %39 = mat.concat_cols %18, %19, %20, %22, %24, %26, %28, %30, %32, %34, %36, %38 : 3x12
-      rel.yield_jacobian %39 wrt %0, %2
+      %35 = mat.concat_cols %14, %15, %16, %18, %20, %22, %24, %26, %28, %30, %32, %34 : 3x12
+      rel.yield_jacobian %35 wrt %t, %A
     }
+    // energy @both.pp.barrier of pair 2x3; cut cut 1x3; projection clamp 3x3 of 6x6; operations: on matrices 76
     rel.derivative @both.pp.barrier.derivative of @both.pp.barrier on @both.pp projection "clamp" dynamic indices @both.pp.barrier.kappa projects "3x3 of 6x6: the energy reads its inputs through a linear cut" {
-      %0 = rel.data @both.pp.barrier.numbers : 2x1
-      %1 = rel.join @both.v.x through @both.pp.ends : 2x3
-      %2 = mat.block %1[0, 0] : 1x3
-      %3 = mat.block %1[1, 0] : 1x3
-      %4 = mat.sub %3, %2 : 1x3
-      %5 = mat.dot %4, %4 : 1x1
-      %6 = mat.block %0[0, 0] : 1x1
-      %7 = mat.divide %5, %6 : 1x1
-      %8 = mat.log %7 : 1x1
-      %9 = mat.block %0[1, 0] : 1x1
-      %10 = mat.sub %5, %9 : 1x1
-      %11 = mat.scale %10, %10 : 1x1
-      %12 = mat.scale %11, %8 : 1x1
-      %13 = mat.scale %12, %8 : 1x1
-      %14 = mat.constant 1.0 : 1x1
-      %15 = mat.scale %8, %8 : 1x1
-      %16 = mat.scale %15, %10 : 1x1
-      %17 = mat.add %16, %16 : 1x1
-      %18 = mat.neg %17 : 1x1
-      %19 = mat.add %12, %12 : 1x1
-      %20 = mat.pow %7 exponent -1.0 : 1x1
-      %21 = mat.scale %20, %19 : 1x1
-      %22 = mat.divide %21, %6 : 1x1
-      %23 = mat.scale %22, %7 : 1x1
-      %24 = mat.neg %23 : 1x1
-      %25 = mat.add %17, %22 : 1x1
-      %26 = mat.constant 2.0 : 1x1
-      %27 = mat.scale %26, %25 : 1x1
-      %28 = mat.scale %27, %4 : 1x3
-      %29 = mat.constant 0.0 : 1x3
-      %30 = mat.constant [[1.0, 0.0, 0.0]] : 1x3
-      %31 = mat.constant [[0.0, 1.0, 0.0]] : 1x3
-      %32 = mat.constant [[0.0, 0.0, 1.0]] : 1x3
-      %33 = mat.divide %14, %6 : 1x1
-      %34 = mat.scale %20, %33 : 1x1
-      %35 = mat.add %10, %10 : 1x1
-      %36 = mat.scale %35, %8 : 1x1
-      %37 = mat.scale %11, %34 : 1x1
-      %38 = mat.add %36, %37 : 1x1
-      %39 = mat.add %38, %38 : 1x1
-      %40 = mat.pow %20 exponent 2.0 : 1x1
-      %41 = mat.neg %40 : 1x1
-      %42 = mat.scale %41, %33 : 1x1
-      %43 = mat.scale %42, %19 : 1x1
-      %44 = mat.scale %20, %39 : 1x1
-      %45 = mat.add %43, %44 : 1x1
-      %46 = mat.divide %45, %6 : 1x1
-      %47 = mat.scale %34, %8 : 1x1
-      %48 = mat.add %47, %47 : 1x1
-      %49 = mat.scale %48, %10 : 1x1
-      %50 = mat.add %49, %15 : 1x1
-      %51 = mat.add %50, %50 : 1x1
-      %52 = mat.add %51, %46 : 1x1
-      %53 = mat.scale %26, %52 : 1x1
-      %54 = mat.dot %4, %30 : 1x1
-      %55 = mat.scale %26, %54 : 1x1
-      %56 = mat.scale %53, %55 : 1x1
-      %57 = mat.scale %56, %4 : 1x3
-      %58 = mat.scale %27, %30 : 1x3
-      %59 = mat.add %57, %58 : 1x3
-      %60 = mat.reshape %59 : 3x1
-      %61 = mat.dot %4, %31 : 1x1
-      %62 = mat.scale %26, %61 : 1x1
-      %63 = mat.scale %53, %62 : 1x1
-      %64 = mat.scale %63, %4 : 1x3
-      %65 = mat.scale %27, %31 : 1x3
-      %66 = mat.add %64, %65 : 1x3
-      %67 = mat.reshape %66 : 3x1
-      %68 = mat.dot %4, %32 : 1x1
-      %69 = mat.scale %26, %68 : 1x1
-      %70 = mat.scale %53, %69 : 1x1
-      %71 = mat.scale %70, %4 : 1x3
-      %72 = mat.scale %27, %32 : 1x3
-      %73 = mat.add %71, %72 : 1x3
-      %74 = mat.reshape %73 : 3x1
-      %75 = mat.concat_cols %60, %67, %74 : 3x3
-      %76 = mat.constant [[1.0, 0.0, 0.0], [0.0, 0.0, 0.0]] : 2x3
-      %77 = mat.constant [[0.0, 1.0, 0.0], [0.0, 0.0, 0.0]] : 2x3
-      %78 = mat.constant [[0.0, 0.0, 1.0], [0.0, 0.0, 0.0]] : 2x3
-      %79 = mat.constant [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0]] : 2x3
-      %80 = mat.constant [[0.0, 0.0, 0.0], [0.0, 1.0, 0.0]] : 2x3
-      %81 = mat.constant [[0.0, 0.0, 0.0], [0.0, 0.0, 1.0]] : 2x3
-      %82 = mat.constant [[-1.0, 0.0, 0.0]] : 1x3
-      %83 = mat.constant [[-1.0], [0.0], [0.0]] : 3x1
-      %84 = mat.constant [[0.0, -1.0, 0.0]] : 1x3
-      %85 = mat.constant [[0.0], [-1.0], [0.0]] : 3x1
-      %86 = mat.constant [[0.0, 0.0, -1.0]] : 1x3
-      %87 = mat.constant [[0.0], [0.0], [-1.0]] : 3x1
-      %88 = mat.constant [[1.0], [0.0], [0.0]] : 3x1
-      %89 = mat.constant [[0.0], [1.0], [0.0]] : 3x1
-      %90 = mat.constant [[0.0], [0.0], [1.0]] : 3x1
-      %91 = mat.constant [[-1.0, 0.0, 0.0, 1.0, 0.0, 0.0], [0.0, -1.0, 0.0, 0.0, 1.0, 0.0], [0.0, 0.0, -1.0, 0.0, 0.0, 1.0]] : 3x6
-      %92 = mat.congruence %75, %91 : 6x6
-      %93 = mat.neg %28 : 1x3
-      %94 = mat.embed %28[1, 0] : 2x3
-      %95 = mat.embed %93[0, 0] : 2x3
-      %96 = mat.add %94, %95 : 2x3
-      %97 = mat.reshape %96 : 6x1
-      %98 = mat.project_psd %75 mode "clamp" : 3x3
-      %99 = mat.congruence %98, %91 : 6x6
-      rel.yield_derivative %13 gradient %97 hessian %99 wrt %1
+      %barrier_numbers = rel.data @both.pp.barrier.numbers : 2x1
+      %pair = rel.join @both.v.x through @both.pp.ends : 2x3
+      %pair_row0 = mat.block %pair[0, 0] : 1x3
+      %pair_row1 = mat.block %pair[1, 0] : 1x3
+      %cut = mat.sub %pair_row1, %pair_row0 : 1x3
+      %0 = mat.dot %cut, %cut : 1x1
+      %barrier_numbers_row0 = mat.block %barrier_numbers[0, 0] : 1x1
+      %1 = mat.divide %0, %barrier_numbers_row0 : 1x1
+      %2 = mat.log %1 : 1x1
+      %barrier_numbers_row1 = mat.block %barrier_numbers[1, 0] : 1x1
+      %3 = mat.sub %0, %barrier_numbers_row1 : 1x1
+      %4 = mat.scale %3, %3 : 1x1
+      %5 = mat.scale %4, %2 : 1x1
+      %barrier = mat.scale %5, %2 : 1x1
+      %c1 = mat.constant 1.0 : 1x1
+      %6 = mat.scale %2, %2 : 1x1
+      %7 = mat.scale %6, %3 : 1x1
+      %8 = mat.add %7, %7 : 1x1
+      %9 = mat.neg %8 : 1x1
+      %10 = mat.add %5, %5 : 1x1
+      %11 = mat.pow %1 exponent -1.0 : 1x1
+      %12 = mat.scale %11, %10 : 1x1
+      %13 = mat.divide %12, %barrier_numbers_row0 : 1x1
+      %14 = mat.scale %13, %1 : 1x1
+      %15 = mat.neg %14 : 1x1
+      %16 = mat.add %8, %13 : 1x1
+      %c2 = mat.constant 2.0 : 1x1
+      %17 = mat.scale %c2, %16 : 1x1
+      %18 = mat.scale %17, %cut : 1x3
+      %zero = mat.constant 0.0 : 1x3
+      %19 = mat.constant [[1.0, 0.0, 0.0]] : 1x3
+      %20 = mat.constant [[0.0, 1.0, 0.0]] : 1x3
+      %21 = mat.constant [[0.0, 0.0, 1.0]] : 1x3
+      %22 = mat.divide %c1, %barrier_numbers_row0 : 1x1
+      %23 = mat.scale %11, %22 : 1x1
+      %24 = mat.add %3, %3 : 1x1
+      %25 = mat.scale %24, %2 : 1x1
+      %26 = mat.scale %4, %23 : 1x1
+      %27 = mat.add %25, %26 : 1x1
+      %28 = mat.add %27, %27 : 1x1
+      %29 = mat.pow %11 exponent 2.0 : 1x1
+      %30 = mat.neg %29 : 1x1
+      %31 = mat.scale %30, %22 : 1x1
+      %32 = mat.scale %31, %10 : 1x1
+      %33 = mat.scale %11, %28 : 1x1
+      %34 = mat.add %32, %33 : 1x1
+      %35 = mat.divide %34, %barrier_numbers_row0 : 1x1
+      %36 = mat.scale %23, %2 : 1x1
+      %37 = mat.add %36, %36 : 1x1
+      %38 = mat.scale %37, %3 : 1x1
+      %39 = mat.add %38, %6 : 1x1
+      %40 = mat.add %39, %39 : 1x1
+      %41 = mat.add %40, %35 : 1x1
+      %42 = mat.scale %c2, %41 : 1x1
+      %43 = mat.dot %cut, %19 : 1x1
+      %44 = mat.scale %c2, %43 : 1x1
+      %45 = mat.scale %42, %44 : 1x1
+      %46 = mat.scale %45, %cut : 1x3
+      %47 = mat.scale %17, %19 : 1x3
+      %48 = mat.add %46, %47 : 1x3
+      %49 = mat.reshape %48 : 3x1
+      %50 = mat.dot %cut, %20 : 1x1
+      %51 = mat.scale %c2, %50 : 1x1
+      %52 = mat.scale %42, %51 : 1x1
+      %53 = mat.scale %52, %cut : 1x3
+      %54 = mat.scale %17, %20 : 1x3
+      %55 = mat.add %53, %54 : 1x3
+      %56 = mat.reshape %55 : 3x1
+      %57 = mat.dot %cut, %21 : 1x1
+      %58 = mat.scale %c2, %57 : 1x1
+      %59 = mat.scale %42, %58 : 1x1
+      %60 = mat.scale %59, %cut : 1x3
+      %61 = mat.scale %17, %21 : 1x3
+      %62 = mat.add %60, %61 : 1x3
+      %63 = mat.reshape %62 : 3x1
+      %hessian_of_cut = mat.concat_cols %49, %56, %63 : 3x3
+      %64 = mat.constant [[1.0, 0.0, 0.0], [0.0, 0.0, 0.0]] : 2x3
+      %65 = mat.constant [[0.0, 1.0, 0.0], [0.0, 0.0, 0.0]] : 2x3
+      %66 = mat.constant [[0.0, 0.0, 1.0], [0.0, 0.0, 0.0]] : 2x3
+      %67 = mat.constant [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0]] : 2x3
+      %68 = mat.constant [[0.0, 0.0, 0.0], [0.0, 1.0, 0.0]] : 2x3
+      %69 = mat.constant [[0.0, 0.0, 0.0], [0.0, 0.0, 1.0]] : 2x3
+      %70 = mat.constant [[-1.0, 0.0, 0.0]] : 1x3
+      %71 = mat.constant [[-1.0], [0.0], [0.0]] : 3x1
+      %72 = mat.constant [[0.0, -1.0, 0.0]] : 1x3
+      %73 = mat.constant [[0.0], [-1.0], [0.0]] : 3x1
+      %74 = mat.constant [[0.0, 0.0, -1.0]] : 1x3
+      %75 = mat.constant [[0.0], [0.0], [-1.0]] : 3x1
+      %76 = mat.constant [[1.0], [0.0], [0.0]] : 3x1
+      %77 = mat.constant [[0.0], [1.0], [0.0]] : 3x1
+      %78 = mat.constant [[0.0], [0.0], [1.0]] : 3x1
+      %79 = mat.constant [[-1.0, 0.0, 0.0, 1.0, 0.0, 0.0], [0.0, -1.0, 0.0, 0.0, 1.0, 0.0], [0.0, 0.0, -1.0, 0.0, 0.0, 1.0]] : 3x6
+      %hessian = mat.congruence %hessian_of_cut, %79 : 6x6
+      %80 = mat.neg %18 : 1x3
+      %81 = mat.embed %18[1, 0] : 2x3
+      %82 = mat.embed %80[0, 0] : 2x3
+      %83 = mat.add %81, %82 : 2x3
+      %gradient = mat.reshape %83 : 6x1
+      %projected = mat.project_psd %hessian_of_cut mode "clamp" : 3x3
+      %hessian_1 = mat.congruence %projected, %79 : 6x6
+      rel.yield_derivative %barrier gradient %gradient hessian %hessian_1 cut %cut wrt %pair
     }
     rel.attribute @soft.v.x.kappa on @soft.v : 1x1xi32 {
-      %0 = rel.target_index @soft.v.x : 1x1xi32
-      rel.yield %0
+      %index_of_x = rel.target_index @soft.v.x : 1x1xi32
+      rel.yield %index_of_x
     }
     rel.attribute @stiff.body.t.kappa on @stiff.body : 1x1xi32 {
-      %0 = rel.target_index @stiff.body.t : 1x1xi32
-      rel.yield %0
+      %index_of_t = rel.target_index @stiff.body.t : 1x1xi32
+      rel.yield %index_of_t
     }
     rel.attribute @stiff.body.A.kappa on @stiff.body : 1x1xi32 {
-      %0 = rel.target_index @stiff.body.A : 1x1xi32
-      rel.yield %0
+      %index_of_A = rel.target_index @stiff.body.A : 1x1xi32
+      rel.yield %index_of_A
     }
     rel.attribute @stiff.v.x.kappa on @stiff.v : 1x2xi32 {
-      %0 = rel.join @stiff.body.t.kappa through @stiff.v.owner : 1x1xi32
-      %1 = rel.join @stiff.body.A.kappa through @stiff.v.owner : 1x1xi32
-      %2 = mat.concat_cols %0, %1 : 1x2xi32
-      rel.yield %2
+      %t_kappa_at_owner = rel.join @stiff.body.t.kappa through @stiff.v.owner : 1x1xi32
+      %A_kappa_at_owner = rel.join @stiff.body.A.kappa through @stiff.v.owner : 1x1xi32
+      %0 = mat.concat_cols %t_kappa_at_owner, %A_kappa_at_owner : 1x2xi32
+      rel.yield %0
     }
     rel.attribute @still.v.x.kappa on @still.v : 1x1xi32 {
-      %0 = mat.constant 0 : 1x1xi32
-      rel.yield %0
+      %c0 = mat.constant 0 : 1x1xi32
+      rel.yield %c0
     }
     rel.attribute @both.v.x.kappa on @both.v : 1x2xi32 {
-      %0 = rel.union [@soft.v.x.kappa, @stiff.v.x.kappa, @still.v.x.kappa] : 1x2xi32
-      rel.yield %0
+      %x_kappa = rel.union [@soft.v.x.kappa, @stiff.v.x.kappa, @still.v.x.kappa] : 1x2xi32
+      rel.yield %x_kappa
     }
     rel.attribute @both.pp.barrier.kappa on @both.pp : 1x4xi32 {
-      %0 = rel.join @both.v.x.kappa through @both.pp.ends : 2x2xi32
-      %1 = mat.reshape %0 : 1x4xi32
-      rel.yield %1
+      %x_kappa_at_ends = rel.join @both.v.x.kappa through @both.pp.ends : 2x2xi32
+      %0 = mat.reshape %x_kappa_at_ends : 1x4xi32
+      rel.yield %0
     }
   }
 }

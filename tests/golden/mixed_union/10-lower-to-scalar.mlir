@@ -19,74 +19,75 @@ builtin.module {
     rel.storage @still.v.x on @still.v : 3x1 constant
     rel.storage @both.pp.barrier.numbers on @mixed_union : 2x1 constant numbers 2.5
     rel.attribute @stiff.v.x on @stiff.v : 3x1 {
-      %0 = rel.join @stiff.body.t through @stiff.v.owner : 1x3
+      %t = rel.join @stiff.body.t through @stiff.v.owner : 1x3
       %rest = rel.data @stiff.v.rest : 3x1
-      %1 = rel.join @stiff.body.A through @stiff.v.owner : 1x9
-      %2 = rel.apply @stiff.v.x.value(%0, %rest, %1) : 3x1
-      rel.yield %2
-    }
-    rel.attribute @both.v.x on @both.v : 3x1 {
-      %0 = rel.union [@soft.v.x, @stiff.v.x, @still.v.x] : 3x1
+      %A = rel.join @stiff.body.A through @stiff.v.owner : 1x9
+      %0 = rel.apply @stiff.v.x.value(%t, %rest, %A) : 3x1
       rel.yield %0
     }
+    rel.attribute @both.v.x on @both.v : 3x1 {
+      %x = rel.union [@soft.v.x, @stiff.v.x, @still.v.x] : 3x1
+      rel.yield %x
+    }
     rel.attribute @both.pp.barrier on @both.pp : 1x1 {
-      %0 = rel.data @both.pp.barrier.numbers : 2x1
-      %1 = rel.join @both.v.x through @both.pp.ends : 2x3
-      %2 = rel.apply @both.pp.barrier.value_uniforms(%0) uniform : 2x1
-      %3 = rel.apply @both.pp.barrier.value(%1, %2) : 1x1
-      rel.yield %3
+      %barrier_numbers = rel.data @both.pp.barrier.numbers : 2x1
+      %pair = rel.join @both.v.x through @both.pp.ends : 2x3
+      %uniforms = rel.apply @both.pp.barrier.value_uniforms(%barrier_numbers) uniform : 2x1
+      %0 = rel.apply @both.pp.barrier.value(%pair, %uniforms) : 1x1
+      rel.yield %0
     }
     rel.energy @both.pp.barrier projection "clamp" dynamic
     rel.target @soft.v.x
     rel.target @stiff.body.A
     rel.target @stiff.body.t
     rel.jacobian @stiff.v.x.jacobian of @stiff.v.x on @stiff.v indices @stiff.v.x.kappa {
-    ^bb0(%0: tensor<3x1xf64>):
-      %1 = rel.join @stiff.body.t through @stiff.v.owner : 1x3
+    ^bb0(%cotangent: tensor<3x1xf64>):
+      %t = rel.join @stiff.body.t through @stiff.v.owner : 1x3
       %rest = rel.data @stiff.v.rest : 3x1
-      %2 = rel.join @stiff.body.A through @stiff.v.owner : 1x9
-      %3 = rel.apply @stiff.v.x.pull_back(%rest, %0) : 12x1
-      rel.yield_jacobian %3 wrt %1, %2
+      %A = rel.join @stiff.body.A through @stiff.v.owner : 1x9
+      %0 = rel.apply @stiff.v.x.pull_back(%rest, %cotangent) : 12x1
+      rel.yield_jacobian %0 wrt %t, %A
     }
+    // energy @both.pp.barrier of pair 2x3; projection clamp 3x3 of 6x6; operations: derive_uniforms 1, derive 63, pull_back 6
     rel.derivative @both.pp.barrier.derivative of @both.pp.barrier on @both.pp projection "clamp" dynamic indices @both.pp.barrier.kappa projects "3x3 of 6x6: the energy reads its inputs through a linear cut" {
-      %0 = rel.data @both.pp.barrier.numbers : 2x1
-      %1 = rel.join @both.v.x through @both.pp.ends : 2x3
-      %2 = rel.apply @both.pp.barrier.derive_uniforms(%0) uniform : 2x1
-      %3, %4, %5 = rel.apply @both.pp.barrier.derive(%1, %2) : 1x1, 6x1, 6x1
-      %6 = rel.project %5 width 3 mode "clamp" : 6x1
-      %7 = rel.apply @both.pp.barrier.pull_back(%6) : 21x1
-      rel.yield_derivative %3 gradient %4 hessian %7 wrt %1
+      %barrier_numbers = rel.data @both.pp.barrier.numbers : 2x1
+      %pair = rel.join @both.v.x through @both.pp.ends : 2x3
+      %uniforms = rel.apply @both.pp.barrier.derive_uniforms(%barrier_numbers) uniform : 2x1
+      %energy, %gradient, %hessian = rel.apply @both.pp.barrier.derive(%pair, %uniforms) : 1x1, 6x1, 6x1
+      %projected = rel.project %hessian width 3 mode "clamp" : 6x1
+      %0 = rel.apply @both.pp.barrier.pull_back(%projected) : 21x1
+      rel.yield_derivative %energy gradient %gradient hessian %0 wrt %pair
     }
     rel.attribute @soft.v.x.kappa on @soft.v : 1x1xi32 {
-      %0 = rel.target_index @soft.v.x : 1x1xi32
-      rel.yield %0
+      %index_of_x = rel.target_index @soft.v.x : 1x1xi32
+      rel.yield %index_of_x
     }
     rel.attribute @stiff.body.t.kappa on @stiff.body : 1x1xi32 {
-      %0 = rel.target_index @stiff.body.t : 1x1xi32
-      rel.yield %0
+      %index_of_t = rel.target_index @stiff.body.t : 1x1xi32
+      rel.yield %index_of_t
     }
     rel.attribute @stiff.body.A.kappa on @stiff.body : 1x1xi32 {
-      %0 = rel.target_index @stiff.body.A : 1x1xi32
-      rel.yield %0
+      %index_of_A = rel.target_index @stiff.body.A : 1x1xi32
+      rel.yield %index_of_A
     }
     rel.attribute @stiff.v.x.kappa on @stiff.v : 1x2xi32 {
-      %0 = rel.join @stiff.body.t.kappa through @stiff.v.owner : 1x1xi32
-      %1 = rel.join @stiff.body.A.kappa through @stiff.v.owner : 1x1xi32
-      %2 = rel.apply @stiff.v.x.kappa.value(%0, %1) : 1x2xi32
-      rel.yield %2
+      %t_kappa_at_owner = rel.join @stiff.body.t.kappa through @stiff.v.owner : 1x1xi32
+      %A_kappa_at_owner = rel.join @stiff.body.A.kappa through @stiff.v.owner : 1x1xi32
+      %0 = rel.apply @stiff.v.x.kappa.value(%t_kappa_at_owner, %A_kappa_at_owner) : 1x2xi32
+      rel.yield %0
     }
     rel.attribute @still.v.x.kappa on @still.v : 1x1xi32 {
       %0 = rel.apply @still.v.x.kappa.value() : 1x1xi32
       rel.yield %0
     }
     rel.attribute @both.v.x.kappa on @both.v : 1x2xi32 {
-      %0 = rel.union [@soft.v.x.kappa, @stiff.v.x.kappa, @still.v.x.kappa] : 1x2xi32
-      rel.yield %0
+      %x_kappa = rel.union [@soft.v.x.kappa, @stiff.v.x.kappa, @still.v.x.kappa] : 1x2xi32
+      rel.yield %x_kappa
     }
     rel.attribute @both.pp.barrier.kappa on @both.pp : 1x4xi32 {
-      %0 = rel.join @both.v.x.kappa through @both.pp.ends : 2x2xi32
-      %1 = rel.apply @both.pp.barrier.kappa.value(%0) : 1x4xi32
-      rel.yield %1
+      %x_kappa_at_ends = rel.join @both.v.x.kappa through @both.pp.ends : 2x2xi32
+      %0 = rel.apply @both.pp.barrier.kappa.value(%x_kappa_at_ends) : 1x4xi32
+      rel.yield %0
     }
     func.func @stiff.v.x.value(%0: f64, %1: f64, %2: f64, %3: f64, %4: f64, %5: f64, %6: f64, %7: f64, %8: f64, %9: f64, %10: f64, %11: f64, %12: f64, %13: f64, %14: f64) -> (f64, f64, f64) {
       %15 = arith.mulf %3, %6 : f64

@@ -9,31 +9,31 @@ builtin.module {
     rel.storage @m.t.swell.numbers on @soft_tets : 1x1 constant numbers 3.0
     rel.storage @m.v.gravity.numbers on @soft_tets : 1x1 constant numbers 9.8
     rel.attribute @m.t.swell on @m.t : 1x1 {
-      %0 = rel.data @m.t.swell.numbers : 1x1
-      %1 = rel.join @m.v.x through @m.t.corners : 4x3
-      %2 = mat.block %1[0, 0] : 1x3
-      %3 = mat.block %1[3, 0] : 1x3
-      %4 = mat.sub %3, %2 : 1x3
-      %5 = mat.block %1[2, 0] : 1x3
-      %6 = mat.sub %5, %2 : 1x3
-      %7 = mat.block %1[1, 0] : 1x3
-      %8 = mat.sub %7, %2 : 1x3
-      %9 = mat.concat_rows %8, %6, %4 : 3x3
-      %10 = mat.det %9 : 1x1
-      %11 = mat.constant 0.5 : 1x1
-      %12 = mat.sub %10, %11 : 1x1
-      %13 = mat.scale %0, %12 : 1x1
-      %14 = mat.scale %13, %12 : 1x1
-      rel.yield %14
+      %swell_numbers = rel.data @m.t.swell.numbers : 1x1
+      %x = rel.join @m.v.x through @m.t.corners : 4x3
+      %x_row0 = mat.block %x[0, 0] : 1x3
+      %x_row3 = mat.block %x[3, 0] : 1x3
+      %0 = mat.sub %x_row3, %x_row0 : 1x3
+      %x_row2 = mat.block %x[2, 0] : 1x3
+      %1 = mat.sub %x_row2, %x_row0 : 1x3
+      %x_row1 = mat.block %x[1, 0] : 1x3
+      %2 = mat.sub %x_row1, %x_row0 : 1x3
+      %3 = mat.concat_rows %2, %1, %0 : 3x3
+      %4 = mat.det %3 : 1x1
+      %half = mat.constant 0.5 : 1x1
+      %5 = mat.sub %4, %half : 1x1
+      %6 = mat.scale %swell_numbers, %5 : 1x1
+      %swell = mat.scale %6, %5 : 1x1
+      rel.yield %swell
     }
     rel.attribute @m.v.gravity on @m.v : 1x1 {
-      %0 = rel.data @m.v.gravity.numbers : 1x1
+      %gravity_numbers = rel.data @m.v.gravity.numbers : 1x1
       %x = rel.data @m.v.x : 3x1
-      %1 = mat.block %x[1, 0] : 1x1
+      %x_row1 = mat.block %x[1, 0] : 1x1
       %mass = rel.data @m.v.mass : 1x1
-      %2 = mat.scale %0, %mass : 1x1
-      %3 = mat.scale %2, %1 : 1x1
-      rel.yield %3
+      %0 = mat.scale %gravity_numbers, %mass : 1x1
+      %gravity = mat.scale %0, %x_row1 : 1x1
+      rel.yield %gravity
     }
     rel.energy @m.t.swell projection "clamp"
     rel.energy @m.v.gravity projection "clamp"

@@ -19,11 +19,11 @@ builtin.module {
   }
   rel.object @m.t.swell.object entries ["batch"] {
     rel.attribute @m.t.swell on @m.t : 1x1 {
-      %0 = rel.data @m.t.swell.numbers : 1x1
-      %1 = rel.join @m.v.x through @m.t.corners : 4x3
-      %2 = rel.apply @m.t.swell.value_uniforms(%0) uniform : 1x1
-      %3 = rel.apply @m.t.swell.value(%1, %2) : 1x1
-      rel.yield %3
+      %swell_numbers = rel.data @m.t.swell.numbers : 1x1
+      %x = rel.join @m.v.x through @m.t.corners : 4x3
+      %uniforms = rel.apply @m.t.swell.value_uniforms(%swell_numbers) uniform : 1x1
+      %0 = rel.apply @m.t.swell.value(%x, %uniforms) : 1x1
+      rel.yield %0
     }
     func.func @m.t.swell.value_uniforms(%0: f64) -> f64 {
       func.return %0 : f64
@@ -61,12 +61,12 @@ builtin.module {
   }
   rel.object @m.v.gravity.object entries ["batch"] {
     rel.attribute @m.v.gravity on @m.v : 1x1 {
-      %0 = rel.data @m.v.gravity.numbers : 1x1
+      %gravity_numbers = rel.data @m.v.gravity.numbers : 1x1
       %x = rel.data @m.v.x : 3x1
       %mass = rel.data @m.v.mass : 1x1
-      %1 = rel.apply @m.v.gravity.value_uniforms(%0) uniform : 1x1
-      %2 = rel.apply @m.v.gravity.value(%x, %mass, %1) : 1x1
-      rel.yield %2
+      %uniforms = rel.apply @m.v.gravity.value_uniforms(%gravity_numbers) uniform : 1x1
+      %0 = rel.apply @m.v.gravity.value(%x, %mass, %uniforms) : 1x1
+      rel.yield %0
     }
     func.func @m.v.gravity.value_uniforms(%0: f64) -> f64 {
       func.return %0 : f64
@@ -78,14 +78,15 @@ builtin.module {
     }
   }
   rel.object @m.t.swell.derivative.object entries ["batch"] {
+    // energy @m.t.swell of x 4x3; projection clamp 9x9 of 12x12; operations: derive_uniforms 1, derive 171, pull_back 93
     rel.derivative @m.t.swell.derivative of @m.t.swell on @m.t projection "clamp" indices @m.t.swell.kappa projects "9x9 of 12x12: the energy reads its inputs through a linear cut; by singular values: isotropic in this 3x3 matrix" {
-      %0 = rel.data @m.t.swell.numbers : 1x1
-      %1 = rel.join @m.v.x through @m.t.corners : 4x3
-      %2 = rel.apply @m.t.swell.derive_uniforms(%0) uniform : 2x1
-      %3, %4, %5, %6 = rel.apply @m.t.swell.derive(%1, %2) : 1x1, 12x1, 45x1, 9x1
-      %7 = rel.project %5 width 9 mode "clamp" isotropic in %6 : 45x1
-      %8 = rel.apply @m.t.swell.pull_back(%7) : 78x1
-      rel.yield_derivative %3 gradient %4 hessian %8 wrt %1
+      %swell_numbers = rel.data @m.t.swell.numbers : 1x1
+      %x = rel.join @m.v.x through @m.t.corners : 4x3
+      %uniforms = rel.apply @m.t.swell.derive_uniforms(%swell_numbers) uniform : 2x1
+      %energy, %gradient, %hessian, %deformation = rel.apply @m.t.swell.derive(%x, %uniforms) : 1x1, 12x1, 45x1, 9x1
+      %projected = rel.project %hessian width 9 mode "clamp" isotropic in %deformation : 45x1
+      %0 = rel.apply @m.t.swell.pull_back(%projected) : 78x1
+      rel.yield_derivative %energy gradient %gradient hessian %0 wrt %x
     }
     func.func @m.t.swell.derive_uniforms(%0: f64) -> (f64, f64) {
       %1 = arith.constant 2.000000e+00 : f64
@@ -365,13 +366,14 @@ builtin.module {
     }
   }
   rel.object @m.v.gravity.derivative.object entries ["batch"] {
+    // energy @m.v.gravity of x 3x1; projection clamp nowhere; operations: derive_uniforms 0, derive 1
     rel.derivative @m.v.gravity.derivative of @m.v.gravity on @m.v projection "clamp" indices @m.v.gravity.kappa projects "nowhere: the energy is affine, its Hessian is zero" {
-      %0 = rel.data @m.v.gravity.numbers : 1x1
+      %gravity_numbers = rel.data @m.v.gravity.numbers : 1x1
       %x = rel.data @m.v.x : 3x1
       %mass = rel.data @m.v.mass : 1x1
-      %1 = rel.apply @m.v.gravity.derive_uniforms(%0) uniform : 1x1
-      %2, %3 = rel.apply @m.v.gravity.derive(%mass, %1) : 1x1, 3x1
-      rel.yield_derivative %2 gradient %3 wrt %x
+      %uniforms = rel.apply @m.v.gravity.derive_uniforms(%gravity_numbers) uniform : 1x1
+      %energy, %gradient = rel.apply @m.v.gravity.derive(%mass, %uniforms) : 1x1, 3x1
+      rel.yield_derivative %energy gradient %gradient wrt %x
     }
     func.func @m.v.gravity.derive_uniforms(%0: f64) -> f64 {
       func.return %0 : f64
@@ -384,15 +386,15 @@ builtin.module {
   }
   rel.object @m.v.x.kappa.object entries ["call"] {
     rel.attribute @m.v.x.kappa on @m.v : 1x1xi32 {
-      %0 = rel.target_index @m.v.x : 1x1xi32
-      rel.yield %0
+      %index_of_x = rel.target_index @m.v.x : 1x1xi32
+      rel.yield %index_of_x
     }
   }
   rel.object @m.t.swell.kappa.object entries ["batch"] {
     rel.attribute @m.t.swell.kappa on @m.t : 1x4xi32 {
-      %0 = rel.join @m.v.x.kappa through @m.t.corners : 4x1xi32
-      %1 = rel.apply @m.t.swell.kappa.value(%0) : 1x4xi32
-      rel.yield %1
+      %x_kappa_at_corners = rel.join @m.v.x.kappa through @m.t.corners : 4x1xi32
+      %0 = rel.apply @m.t.swell.kappa.value(%x_kappa_at_corners) : 1x4xi32
+      rel.yield %0
     }
     func.func @m.t.swell.kappa.value(%0: i32, %1: i32, %2: i32, %3: i32) -> (i32, i32, i32, i32) {
       func.return %0, %1, %2, %3 : i32, i32, i32, i32
@@ -400,8 +402,8 @@ builtin.module {
   }
   rel.object @m.v.gravity.kappa.object entries ["batch"] {
     rel.attribute @m.v.gravity.kappa on @m.v : 1x1xi32 {
-      %0 = rel.target_index @m.v.x : 1x1xi32
-      rel.yield %0
+      %index_of_x = rel.target_index @m.v.x : 1x1xi32
+      rel.yield %index_of_x
     }
   }
 }

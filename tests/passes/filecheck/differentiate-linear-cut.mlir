@@ -24,5 +24,5 @@ rel.scene @s {
 // CHECK:         [[L:%.+]] = mat.constant {{.*}} : 3x6
 // CHECK:         [[P:%.+]] = mat.project_psd [[S:%.+]] mode "abs" : 3x3
 // CHECK-NEXT:    [[H:%.+]] = mat.congruence [[P]], [[L]] : 6x6
-// CHECK-NEXT:    rel.yield_derivative [[E:%.+]] gradient [[G:%.+]] hessian [[H]] wrt [[X]]
+// CHECK-NEXT:    rel.yield_derivative [[E:%.+]] gradient [[G:%.+]] hessian [[H]] cut [[D:%.+]] wrt [[X]]
 // CHECK-NOT:   rel.jacobian
