@@ -131,6 +131,7 @@ def test_pieces_of_code_are_found() -> None:
     assert "minimize(scene, positions, time_step, contact=None, settings=NewtonSettings(), times=None)" in found
 
 
+@pytest.mark.slow
 def test_what_the_documents_show_is_there(tmp_path: Path) -> None:
     """And what is not there is found: the first of the wrong ones is what docs/gpu.md once said."""
     wrong = ["attribute.value = ...", "scene.addMehs(...)", "scene.solve(maxIteration=3)", "report.whence"]

@@ -62,6 +62,7 @@ def test_the_scenes_have_something_to_project(pipeline_run: Any) -> None:
         assert np.linalg.eigvalsh(pipeline_run(name, "none").hessian)[0] < -1e-3
 
 
+@pytest.mark.slow
 def test_every_stage_is_text_that_parses_verifies_and_prints_back(run: Any) -> None:
     texts = {stage.text: name for name, stage in run.stages.items()}  # each text once
     for text, name in texts.items():
@@ -78,6 +79,7 @@ def test_compiling_twice_gives_the_same_text(run: Any, request: pytest.FixtureRe
     assert texts == {name: stage.text for name, stage in run.stages.items()}
 
 
+@pytest.mark.slow
 def test_the_text_does_not_depend_on_hashing(tmp_path: Path, pipeline_run: Any) -> None:
     """Sets and identities must not decide an order: another process with another hash seed gives the same text."""
     stages = pipeline_run("mixed_union", "clamp").stages

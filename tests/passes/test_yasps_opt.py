@@ -16,6 +16,7 @@ from yasps.passes.yasps_opt import UNIVERSE, main
 SCENE = Path(__file__).parent / "filecheck" / "differentiate-linear-cut.mlir"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("command", ["yasps-opt", "xdsl-opt"])
 def test_commands_run_our_passes(command: str) -> None:
     program = shutil.which(command, path=str(Path(sys.executable).parent)) or shutil.which(command)

@@ -56,20 +56,22 @@ def assert_same_derivatives(scene: Scene, reference: Scene) -> None:
 
 @pytest.mark.parametrize("name", SCENES)
 def test_results_are_those_of_the_processor_and_of_the_interpreter(device: HostDevice, name: str) -> None:
+    """The interpreter's only of the scene that has most kinds of layers: tests/backend compares the processor's."""
     reference, scene = SCENES[name](), on_device(SCENES[name](), device)
     assert_same_derivatives(scene, reference)
     assert_close(hessian(scene, projected=False), hessian(reference, projected=False))
 
     compiled = scene.compile()
     assert isinstance(compiled, CudaScene)
-    interpreter = Interpreter(compiled.module, emit(scene).data)
-    gradient, matrix = dense_assembly(compiled.module, emit(scene).data)
-    assert_close(np.concatenate(scene.gradient()), gradient)
-    assert_close(hessian(scene), matrix)
-    assert scene.total_energy() == pytest.approx(interpreter.total_energy(), rel=TOLERANCE)
+    if name == "nonlinear_contact":
+        interpreter = Interpreter(compiled.module, emit(scene).data)
+        gradient, matrix = dense_assembly(compiled.module, emit(scene).data)
+        assert_close(np.concatenate(scene.gradient()), gradient)
+        assert_close(hessian(scene), matrix)
+        assert scene.total_energy() == pytest.approx(interpreter.total_energy(), rel=TOLERANCE)
 
     on_cpu = reference.compile()
-    for unknown in range(len(gradient)):
+    for unknown in range(sum(len(part) for part in scene.gradient())):
         assert compiled.changing_energies_at(unknown) == on_cpu.changing_energies_at(unknown)
 
     wanted, found = reference.solve(SOLVED), scene.solve(SOLVED)

@@ -169,6 +169,7 @@ def energies(projection: str) -> Scene:
     return scene
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("vector_math", [True, False], ids=["vector-math", "lane-by-lane"])
 @pytest.mark.parametrize("projection", ["none", "clamp"])
 def test_kernels_compute_what_the_interpreter_does(projection: str, vector_math: bool) -> None:
@@ -190,6 +191,7 @@ def test_kernels_compute_what_the_interpreter_does(projection: str, vector_math:
     assert relative_error(hessian, wanted_hessian.toarray()) < 1e-12
 
 
+@pytest.mark.slow
 def test_derivatives_are_those_of_complex_step() -> None:
     """Of the energy before any pass, and of the gradient after all of them."""
     emitted = emit(energies("none"))

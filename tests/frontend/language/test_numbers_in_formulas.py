@@ -62,6 +62,7 @@ def sources(compiled: CompiledScene) -> dict[str, str]:
     return {name: code.text for name, code in compiled.code.codes.items()}
 
 
+@pytest.mark.slow
 def test_other_numbers_compile_nothing_and_count() -> None:
     first, second = model(7.3, 0.7, 0.9), model(1234.5, 0.31, 1.1)
     check(first, model(7.3, 0.7, 0.9, projection="none"))
@@ -87,6 +88,7 @@ def test_structural_values_are_right_too() -> None:
     np.testing.assert_allclose(np.concatenate(scene.gradient()), gradient, rtol=1e-11, atol=1e-11 * abs(gradient).max())
 
 
+@pytest.mark.slow
 def test_a_dump_knows_its_numbers_with_and_without_data(tmp_path: Path) -> None:
     scene = model(7.3, 0.7, 0.9)
     scene.dump_ir(tmp_path)

@@ -141,16 +141,19 @@ def said(tmp_path_factory: pytest.TempPathFactory) -> dict[str, list[str]]:
     return dict(zip(scripts, problems(scripts, tmp_path_factory.mktemp("scripts")), strict=True))
 
 
+@pytest.mark.slow
 def test_both_spellings_are_typed(said: dict[str, list[str]]) -> None:
     assert "num_instances=1" in PYTHONS
     assert said[TABLE_4] == []
     assert said[PYTHONS] == []
 
 
+@pytest.mark.slow
 def test_parts_are_read_by_their_names(said: dict[str, list[str]]) -> None:
     assert said[READING] == []
 
 
+@pytest.mark.slow
 def test_what_there_is_not_is_an_error(said: dict[str, list[str]]) -> None:
     found = {int(line.split(":")[1]) for line in said[WRONG]}
     harmless = {"", "import yasps", 'scene = yasps.Scene("s")', 'mesh = scene.add_mesh("m")'}

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -11,7 +13,7 @@ from small_scenes import emit
 from xdsl.dialects.builtin import ModuleOp
 
 from yasps import Attribute, Scene, atan2, concat_cols, stumpff
-from yasps.backend.reference.interpreter import Interpreter
+from yasps.backend.reference.interpreter import Interpreter, SceneData
 from yasps.dialects.mat import MatOp
 from yasps.dialects.rel import AttributeOp
 from yasps.passes.pipeline import run_pipeline
@@ -34,17 +36,25 @@ SMOOTH: dict[str, tuple[Callable[[Attribute], Attribute], float, float]] = {
 """Functions of a vector, their value and the multiple of the identity that is their Hessian where it is 0."""
 
 
-def after_passes(write: Callable[[Attribute], Attribute], at: Any) -> tuple[dict[str, ModuleOp], Interpreter]:
-    """The module after every pass, and the last one at this value of a vector."""
+@cache
+def _modules_of(write: Callable[[Attribute], Attribute], size: int) -> tuple[dict[str, ModuleOp], SceneData]:
+    """The module after every pass, and the data of one vector of ones."""
     scene = Scene("s")
     points = scene.add_mesh("m").add_primitive("v", 1)
-    x = points.add_attribute("x", np.size(at), 1, value=at)
+    x = points.add_attribute("x", size, 1, value=np.ones(size))
     scene.add_energy(points.add_attribute("e", computed_attribute=write(x)), projection="none")
     scene.add_minimize_target(x)
     emitted = emit(scene)
     modules: dict[str, ModuleOp] = {}
     run_pipeline(emitted.module, None, lambda name, module: modules.update({name: module.clone()}))
-    return modules, Interpreter(modules["outline-modules"], emitted.data)
+    return modules, emitted.data
+
+
+def after_passes(write: Callable[[Attribute], Attribute], at: Any) -> tuple[dict[str, ModuleOp], Interpreter]:
+    """The module after every pass, and the last one at this value of a vector."""
+    modules, data = _modules_of(write, np.size(at))
+    moved = replace(data, storages={**data.storages, "m.v.x": np.reshape(at, (1, -1, 1))})
+    return modules, Interpreter(modules["outline-modules"], moved)
 
 
 def words(module: ModuleOp) -> list[str]:

@@ -6,19 +6,18 @@ from collections.abc import Callable
 from typing import Any
 
 import numpy as np
-from small_scenes import PAIRS, emit, mixed_union, shared_targets
+from small_scenes import PAIRS, emit
+from xdsl.dialects.builtin import ModuleOp
 
 from yasps import Scene
 from yasps.backend.codegen.scene_view import SceneView
-from yasps.backend.reference.interpreter import Interpreter
+from yasps.backend.reference.interpreter import Interpreter, SceneData
 from yasps.passes.pipeline import run_pipeline
 
 
-def _indices(scene: Scene) -> tuple[Interpreter, dict[str, list[list[int]]]]:
+def _indices(module: ModuleOp, data: SceneData) -> tuple[Interpreter, dict[str, list[list[int]]]]:
     """All placement indices after the pipeline, by attribute, [instances, |kappa|]."""
-    emitted = emit(scene)
-    run_pipeline(emitted.module)
-    interpreter = Interpreter(emitted.module, emitted.data)
+    interpreter = Interpreter(module, data)
     names = [name for name in interpreter.scene.attributes if name.endswith(".kappa")]
     return interpreter, {name: interpreter.value(name)[:, 0, :].astype(int).tolist() for name in names}
 
@@ -42,17 +41,19 @@ def test_capacities_follow_the_rules(pipeline_run: Callable[[str, str], Any]) ->
         assert view.capacity(name) == view.size(f"{name}.kappa")
 
 
-def test_indices_count_from_one_and_targets_follow_each_other() -> None:
+def test_indices_count_from_one_and_targets_follow_each_other(pipeline_run: Callable[[str, str], Any]) -> None:
     """soft.v.x: 6 x 3 unknowns from 1; then A, 9 from 19; then t, 3 from 28."""
-    interpreter, kappa = _indices(mixed_union())
+    run = pipeline_run("mixed_union", "clamp")
+    interpreter, kappa = _indices(run.last, run.data)
     assert interpreter.starts == {"soft.v.x": 0, "stiff.body.A": 18, "stiff.body.t": 27}
     assert kappa["soft.v.x.kappa"] == [[1 + 3 * i] for i in range(6)]
     assert kappa["stiff.body.A.kappa"] == [[19]]
     assert kappa["stiff.body.t.kappa"] == [[28]]
 
 
-def test_joins_gather_and_unions_pad_with_zero() -> None:
-    _, kappa = _indices(mixed_union())
+def test_joins_gather_and_unions_pad_with_zero(pipeline_run: Callable[[str, str], Any]) -> None:
+    run = pipeline_run("mixed_union", "clamp")
+    _, kappa = _indices(run.last, run.data)
     of_points = kappa["stiff.v.x.kappa"]
     assert all(sorted(row) == [19, 28] for row in of_points)
     union = kappa["both.v.x.kappa"]
@@ -63,9 +64,12 @@ def test_joins_gather_and_unions_pad_with_zero() -> None:
     assert kappa["soft.t.swell.kappa"] == [[1 + 3 * v for v in row] for row in corners]
 
 
-def test_targets_of_a_mesh_and_the_scene_are_the_same_for_all_instances() -> None:
+def test_targets_of_a_mesh_and_the_scene_are_shared_by_all_instances(
+    pipeline_run: Callable[[str, str], Any],
+) -> None:
     """k: 1 unknown; x: 4 x 3 from 2; shift: 3 from 14."""
-    _, kappa = _indices(shared_targets())
+    run = pipeline_run("shared_targets", "clamp")
+    _, kappa = _indices(run.last, run.data)
     assert [sorted(row) for row in kappa["m.v.moved.kappa"]] == [[2 + 3 * i, 14] for i in range(4)]
     ends = [[0, 1], [1, 2], [2, 3], [3, 0], [1, 1]]
     rows = kappa["m.s.stretch.kappa"]
@@ -88,7 +92,9 @@ def test_constant_members_contribute_nothing() -> None:
     joined = pairs.add_attribute("x", through=ends, source=x)
     scene.add_energy(pairs.add_attribute("e", computed_attribute=joined.dot(joined)))
     scene.add_minimize_target(free["x"])
-    _, kappa = _indices(scene)
+    emitted = emit(scene)
+    run_pipeline(emitted.module)
+    _, kappa = _indices(emitted.module, emitted.data)
     assert kappa["m.u.x.kappa"] == [[0], [0], [0], [1], [3]]
     assert kappa["m.p.e.kappa"] == [[0, 1], [3, 0]]
 
