@@ -23,7 +23,7 @@ MAY_IMPORT = {
 }
 ROOMS = {
     "dialects": ("scalar", "mat", "rel"),
-    "passes": ("errors", "ir_text", "bodies", "analysis", "calculus", "transforms", "pipeline", "yasps_opt"),
+    "passes": ("errors", "bodies", "analysis", "ir_text", "calculus", "transforms", "pipeline", "yasps_opt"),
     "runtime": ("build", "core", "device", "matrix", "assembly", "solvers", "projection", "collision"),
     "backend": ("codegen", "cpp", "cuda", "reference"),
     "frontend": ("errors", "language", "execution", "scene", "commands"),
