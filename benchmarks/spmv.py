@@ -21,6 +21,7 @@ from yasps.runtime.build.toolchain import find_compiler
 from yasps.runtime.core.library import Runtime, available_processors, load_runtime
 from yasps.runtime.matrix.block_matrix import BlockMatrix
 from yasps.runtime.matrix.ordering import bandwidth_reducing_order
+from yasps.runtime.solvers.options import SolveOptions
 from yasps.runtime.solvers.pcg import PcgSolver
 
 DESCRIPTION = "product with the Hessian of a tetrahedral mesh and conjugate gradients, ms, beside SciPy, Eigen and MKL"
@@ -140,7 +141,7 @@ def _yasps(runtime: Runtime, case: Case, threads: list[int]) -> list[Peer]:
         for count in threads:
             check_product(name, matrix.multiply(case.x, count), case)
             peers.append(product_peer(case, name, count, partial(matrix.multiply, threads=count)))
-            solve = partial(solver.solve, [matrix], case.x, 0.0, ITERATIONS, threads=count)
+            solve = partial(solver.solve, [matrix], case.x, SolveOptions(0.0, ITERATIONS), threads=count)
             peers.append(Peer(f"{case.name}, one iteration", name, count, solve, 1e3 / ITERATIONS, UNIT))
     (group,) = case.plain.groups
     find = partial(bandwidth_reducing_order, group.rows // 3, group.cols // 3, case.plain.size // 3)

@@ -10,7 +10,8 @@ from yasps.runtime.build.toolchain import RUNTIME
 
 def test_lines_are_numbered_as_in_the_files() -> None:
     """So that what a compiler or compute-sanitizer says of a line can be looked up."""
-    texts = {path.name: path.read_text(encoding="utf-8") for path in RUNTIME.rglob("*.cu*")}
+    files = (path for path in RUNTIME.rglob("*") if path.suffix in (".cu", ".cuh", ".h"))
+    texts = {path.name: path.read_text(encoding="utf-8") for path in files}
     for source in runtime_sources():
         name, number, met = "", 0, set()
         for line in source.text.splitlines():
