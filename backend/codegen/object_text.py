@@ -34,8 +34,8 @@ from yasps.dialects.rel import (
     TargetIndexOp,
     UnionOp,
     YieldCurvatureOp,
-    YieldJacobianOp,
     YieldOp,
+    YieldPullbackOp,
     name_of,
 )
 
@@ -340,8 +340,8 @@ class ObjectText(ABC):
         """Entries of an attribute's Jacobian."""
         block = jacobian.body.block
         terminator = block.last_op
-        assert isinstance(terminator, YieldJacobianOp)
-        call = terminator.jacobian.owner
+        assert isinstance(terminator, YieldPullbackOp)
+        call = terminator.cotangent.owner
         assert isinstance(call, ApplyOp)
         cotangent = block.args[0]
         slots = [slot for read in self.scene.wrt(jacobian) for slot in self.scene.slots(read)]
@@ -354,7 +354,7 @@ class ObjectText(ABC):
             function, arguments = self.callee(self.scene.curvatures[name].symbol, "second")
             second = f"{function}({arguments}, i, v, second);"
         names = {**self.names(), cotangent: "v"}
-        transposed = [f"double w[{size_of(terminator.jacobian)}];", self.call(call, names, ["w"], "double")]
+        transposed = [f"double w[{size_of(terminator.cotangent)}];", self.call(call, names, ["w"], "double")]
         self.curve(slots, second, [*self.gather_scalar("double"), *transposed])
 
     @abstractmethod

@@ -27,6 +27,7 @@ from yasps.dialects.rel import (
     UnionOp,
     YieldDerivativeOp,
     YieldJacobianOp,
+    YieldPullbackOp,
     name_of,
 )
 
@@ -149,7 +150,7 @@ class SceneView:
             return self.size(name)
         if name in self.jacobians:
             terminator = self.jacobians[name].body.block.last_op
-            assert isinstance(terminator, YieldJacobianOp)
+            assert isinstance(terminator, YieldJacobianOp | YieldPullbackOp)
             return sum(slot.rows for value in terminator.wrt for slot in self.slots(cast(ReadOp, value.owner)))
         if self.is_union(name):
             return max(self.expanded_rows(member) for member in self.union_members(name))
@@ -161,7 +162,7 @@ class SceneView:
             return 1
         if name in self.jacobians:
             terminator = self.jacobians[name].body.block.last_op
-            assert isinstance(terminator, YieldJacobianOp)
+            assert isinstance(terminator, YieldJacobianOp | YieldPullbackOp)
             return sum(slot.capacity for value in terminator.wrt for slot in self.slots(cast(ReadOp, value.owner)))
         if self.is_union(name):
             return max(1, *(self.capacity(member) for member in self.union_members(name)))
@@ -197,5 +198,5 @@ class SceneView:
     def wrt(self, op: DerivativeOp | JacobianOp) -> list[ReadOp]:
         """The boundary reads a derivative is taken with respect to."""
         terminator = op.body.block.last_op
-        assert isinstance(terminator, YieldDerivativeOp | YieldJacobianOp)
+        assert isinstance(terminator, YieldDerivativeOp | YieldJacobianOp | YieldPullbackOp)
         return [cast(ReadOp, value.owner) for value in terminator.wrt]

@@ -63,6 +63,11 @@ builtin.module {
       %11 = mat.identity : 3x3
       rel.yield_jacobian %11 wrt %10
     }
+    rel.jacobian @m.v.x.lowered of @m.v.x on @m.v {
+    ^bb0(%24: tensor<3x1xf64>):
+      %25 = rel.data @m.v.x : 3x1
+      rel.yield_pullback %24 wrt %25
+    }
     rel.curvature @m.v.x.curvature of @m.v.x on @m.v {
     ^bb0(%18: tensor<3x1xf64>):
       %19 = rel.data @m.v.x : 3x1
@@ -298,6 +303,16 @@ BREAKS: dict[str, tuple[str, str, str]] = {
         "rel.yield_jacobian %11 wrt %10",
         "rel.yield_jacobian %10 wrt %11",
         "a Jacobian with respect to 9 entries has 9 columns, got 3x1",
+    ),
+    "a Jacobian is no pull-back": (
+        "rel.yield_jacobian %11 wrt %10",
+        "rel.yield_jacobian %10 wrt %10",
+        "a Jacobian with respect to 3 entries has 3 columns, got 3x1",
+    ),
+    "a pull-back is no Jacobian": (
+        "rel.yield_jacobian %11 wrt %10",
+        "rel.yield_pullback %11 wrt %10",
+        "the cotangent of 3 entries is 3x1, got 3x3",
     ),
     "a curvature is square or packed": (
         "rel.yield_curvature %20 wrt %19",
