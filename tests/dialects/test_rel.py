@@ -5,6 +5,7 @@ from __future__ import annotations
 import ast
 import re
 from pathlib import Path
+from traceback import walk_tb
 
 import pytest
 from xdsl.dialects.builtin import ModuleOp
@@ -355,7 +356,11 @@ def test_every_law_is_broken_by_a_test() -> None:
     for old, new, _ in BREAKS.values():
         with pytest.raises(VerifyException) as error:
             parse(SCENE.replace(old, new)).verify()
-        reached |= {entry.lineno + 1 for entry in error.traceback if Path(entry.path).samefile(source)}
+        raised: BaseException | None = error.value
+        while raised is not None:
+            frames = walk_tb(raised.__traceback__)
+            reached |= {line for frame, line in frames if Path(frame.f_code.co_filename).samefile(source)}
+            raised = raised.__cause__
     missed = [node.lineno for node in raises if not any(node.lineno <= n <= (node.end_lineno or 0) for n in reached)]
     assert not missed, f"no test breaks the laws in these lines of {source}: {missed}"
 

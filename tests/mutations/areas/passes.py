@@ -66,8 +66,8 @@ MUTATIONS = (
     Mutation(
         "project-psd: the gradient's shared values are projected and the Hessian is not",
         "passes/transforms/project_psd.py",
-        "hessian(terminator.hessian), list(terminator.wrt))",
-        "terminator.hessian, list(terminator.wrt))",
+        'named(hessian(terminator.hessian), "hessian"), wrt, cut))',
+        "terminator.hessian, wrt, cut))",
         WIDTHS,
     ),
     Mutation(
@@ -80,8 +80,8 @@ MUTATIONS = (
     Mutation(
         "isotropy: what rotations change in a known way counts as unchanged",
         "passes/analysis/isotropy.py",
-        "return known.get(energy) == FIXED",
-        "return known.get(energy) is not None",
+        "return _known_spaces(block, energy, deformation, active).get(energy) == FIXED",
+        "return _known_spaces(block, energy, deformation, active).get(energy) is not None",
         ISOTROPY,
     ),
     Mutation(
