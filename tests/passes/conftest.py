@@ -13,6 +13,7 @@ from small_scenes import SCENES, along_each_unknown, dense_assembly, emit
 from xdsl.dialects.builtin import ModuleOp
 
 from yasps.backend.reference.interpreter import Interpreter, SceneData
+from yasps.passes.ir_text import text_of
 from yasps.passes.pipeline import run_pipeline
 
 
@@ -52,7 +53,7 @@ def _run(scene: str, projection: str) -> Run:
         copy = module.clone()
         interpreter = Interpreter(copy, emitted.data)
         derivatives = dense_assembly(copy, emitted.data) if interpreter.scene.derivatives else (None, None)
-        stages[name] = Stage(str(module), copy, float(interpreter.total_energy()), *derivatives)
+        stages[name] = Stage(text_of(module), copy, float(interpreter.total_energy()), *derivatives)
 
     run_pipeline(emitted.module, None, after)
     gradient = along_each_unknown(
