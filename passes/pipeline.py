@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import gc
-import re
 from collections.abc import Callable, Collection, Sequence
 from pathlib import Path
 
@@ -18,6 +17,7 @@ from xdsl.utils.exceptions import DiagnosticException
 from yasps.dialects.mat import Mat
 from yasps.dialects.rel import EnergyOp, Rel, name_of
 from yasps.dialects.rel.declarations import Declaration
+from yasps.dialects.rel.laws import BrokenLawError
 from yasps.passes.bodies import containers
 from yasps.passes.errors import RULE_BROKEN, CompileError, place_of, reason_of
 from yasps.passes.ir_text import text_of
@@ -141,10 +141,11 @@ def _explained(error: Exception, module: ModuleOp, during: str | None) -> Compil
     if isinstance(error, CompileError) and error.symbol is not None:
         return CompileError(error.reason, during=during, symbol=error.symbol, place=error.place)
     reason = reason_of(error)
-    op = _declaration_that_breaks_a_rule(module) or _declaration_named_in(reason, module)
+    op = error.declaration if isinstance(error, BrokenLawError) else _declaration_that_breaks_a_rule(module)
     if op is None:
         return CompileError(reason, during=during)
-    return CompileError(reason, during=during, symbol=op.symbol, place=place_of(op))
+    place = place_of(_declarations(module).get(op.symbol, op))  # an object's definitions are declared in the scene
+    return CompileError(reason, during=during, symbol=op.symbol, place=place)
 
 
 def _declarations(module: ModuleOp) -> dict[str, Declaration]:
@@ -163,9 +164,3 @@ def _declaration_that_breaks_a_rule(module: ModuleOp) -> Declaration | None:
                 return _declarations(module).get(name_of(op.attribute))
             return op if isinstance(op, Declaration) else None
     return None
-
-
-def _declaration_named_in(reason: str, module: ModuleOp) -> Declaration | None:
-    """The declaration a message is about: laws, which look at several, name the offender first."""
-    names = re.findall(r"@([\w.$]*[\w$])", reason)
-    return _declarations(module).get(names[0]) if names else None

@@ -27,7 +27,7 @@ from yasps.dialects.rel import (
     ProjectOp,
     YieldCurvatureOp,
     YieldDerivativeOp,
-    YieldJacobianOp,
+    YieldPullbackOp,
     name_of,
 )
 
@@ -160,8 +160,8 @@ class ExpandingText(ObjectText):
 
     def jacobian(self, jacobian: JacobianOp) -> None:
         terminator = jacobian.body.block.last_op
-        assert isinstance(terminator, YieldJacobianOp)
-        call = terminator.jacobian.owner
+        assert isinstance(terminator, YieldPullbackOp)
+        call = terminator.cotangent.owner
         assert isinstance(call, ApplyOp)
         cotangent = jacobian.body.block.args[0]
         slots = [slot for read in self.scene.wrt(jacobian) for slot in self.scene.slots(read)]

@@ -28,6 +28,7 @@ from yasps.dialects.rel import (
     UnionOp,
     YieldDerivativeOp,
     YieldJacobianOp,
+    YieldPullbackOp,
     name_of,
 )
 
@@ -195,5 +196,5 @@ class SceneView:
     def wrt(self, op: DerivativeOp | JacobianOp) -> list[ReadOp]:
         """The boundary reads a derivative is taken with respect to."""
         terminator = op.body.block.last_op
-        assert isinstance(terminator, YieldDerivativeOp | YieldJacobianOp)
+        assert isinstance(terminator, YieldDerivativeOp | YieldJacobianOp | YieldPullbackOp)
         return [cast(ReadOp, value.owner) for value in terminator.wrt]

@@ -40,6 +40,7 @@ from yasps.dialects.rel import (
     YieldDerivativeOp,
     YieldJacobianOp,
     YieldOp,
+    YieldPullbackOp,
     name_of,
 )
 from yasps.dialects.scalar.functions import FUNCTIONS
@@ -341,16 +342,14 @@ class Interpreter:
     def jacobian(self, op: JacobianOp) -> Batch:
         """Jacobians [instances, p, q]; from J^T v for unit vectors v after `lower-to-scalar`."""
         terminator = op.body.block.last_op
-        assert isinstance(terminator, YieldJacobianOp)
+        assert isinstance(terminator, YieldJacobianOp | YieldPullbackOp)
         count = self.count(op)
-        arguments: Sequence[SSAValue] = op.body.block.args
-        if not arguments:
+        if isinstance(terminator, YieldJacobianOp):
             result = self.run(op, {})[terminator.jacobian]
             return np.broadcast_to(result, (count, *result.shape[1:]))
-        p, _ = shape_of(arguments[0])
-        rows = [
-            self.run(op, {arguments[0]: np.eye(p)[None, :, k : k + 1]})[terminator.jacobian][:, :, 0] for k in range(p)
-        ]
+        given = op.body.block.args[0]
+        p, _ = shape_of(given)
+        rows = [self.run(op, {given: np.eye(p)[None, :, k : k + 1]})[terminator.cotangent][:, :, 0] for k in range(p)]
         return np.stack([np.broadcast_to(row, (count, row.shape[1])) for row in rows], axis=1)
 
 

@@ -42,6 +42,7 @@ from yasps.dialects.rel.terminators import (
     YieldDerivativeOp,
     YieldJacobianOp,
     YieldOp,
+    YieldPullbackOp,
     packed_size,
 )
 
@@ -77,6 +78,7 @@ __all__ = [
     "YieldDerivativeOp",
     "YieldJacobianOp",
     "YieldOp",
+    "YieldPullbackOp",
     "name_of",
     "packed_size",
     "symbol",

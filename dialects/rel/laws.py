@@ -20,6 +20,14 @@ from yasps.dialects.rel.declarations import name_of
 from yasps.dialects.rel.terminators import YieldOp
 
 
+class BrokenLawError(VerifyException):
+    """A law does not hold. `declaration`: whose body or words break it, None where what is named does not exist."""
+
+    def __init__(self, reason: str, declaration: decl.Declaration | None) -> None:
+        super().__init__(reason)
+        self.declaration = declaration
+
+
 class Scope:
     """Symbols of one container, and the lineage of its entities."""
 
@@ -64,30 +72,43 @@ class Scope:
 
 
 def verify_laws(container: Operation) -> None:
-    """Raises VerifyException for the first law that does not hold."""
+    """Raises BrokenLawError for the first law that does not hold."""
     scope = Scope(container)
     for op in container.regions[0].block.ops:
-        if isinstance(op, decl.ConnectivityOp):
-            _verify_connectivity(scope, op)
-        elif isinstance(op, decl.PrimitiveUnionOp):
-            for member in op.members:
-                kinds = (decl.PrimitiveOp, decl.PrimitiveUnionOp)
-                scope.find(name_of(member), kinds, "a primitive", f"@{op.symbol}")
-        elif isinstance(op, decl.EnergyOp):
-            _, type_ = scope.owner_and_type(name_of(op.attribute), "an energy")
-            if type_.get_shape() != (1, 1):
-                raise VerifyException(
-                    f"an energy is 1x1, but @{name_of(op.attribute)} is {'x'.join(map(str, type_.get_shape()))}"
-                )
-        elif isinstance(op, decl.TargetOp):
-            name = name_of(op.variable)
-            storage = scope.find(name, (decl.StorageOp,), "a stored variable as target", "a target")
-            if cast(decl.StorageOp, storage).constant is not None:
-                raise VerifyException(f"@{name} is a constant; a target must be a variable")
-        elif (
-            isinstance(op, decl.AttributeOp | decl.DerivativeOp | decl.JacobianOp | decl.CurvatureOp) and op.body.blocks
-        ):
-            _verify_body(scope, op, op.body.block)
+        try:
+            _verify_declaration(scope, op)
+        except VerifyException as error:
+            raise BrokenLawError(str(error), _whose(scope, op)) from error
+
+
+def _whose(scope: Scope, op: Operation) -> decl.Declaration | None:
+    """The declaration that an operation of a scene is about: itself, or what an energy or a target names."""
+    if isinstance(op, decl.EnergyOp | decl.TargetOp):
+        named = scope.symbols.get(name_of(op.attribute if isinstance(op, decl.EnergyOp) else op.variable))
+        return named if isinstance(named, decl.Declaration) else None
+    return op if isinstance(op, decl.Declaration) else None
+
+
+def _verify_declaration(scope: Scope, op: Operation) -> None:
+    if isinstance(op, decl.ConnectivityOp):
+        _verify_connectivity(scope, op)
+    elif isinstance(op, decl.PrimitiveUnionOp):
+        for member in op.members:
+            kinds = (decl.PrimitiveOp, decl.PrimitiveUnionOp)
+            scope.find(name_of(member), kinds, "a primitive", f"@{op.symbol}")
+    elif isinstance(op, decl.EnergyOp):
+        _, type_ = scope.owner_and_type(name_of(op.attribute), "an energy")
+        if type_.get_shape() != (1, 1):
+            raise VerifyException(
+                f"an energy is 1x1, but @{name_of(op.attribute)} is {'x'.join(map(str, type_.get_shape()))}"
+            )
+    elif isinstance(op, decl.TargetOp):
+        name = name_of(op.variable)
+        storage = scope.find(name, (decl.StorageOp,), "a stored variable as target", "a target")
+        if cast(decl.StorageOp, storage).constant is not None:
+            raise VerifyException(f"@{name} is a constant; a target must be a variable")
+    elif isinstance(op, decl.AttributeOp | decl.DerivativeOp | decl.JacobianOp | decl.CurvatureOp) and op.body.blocks:
+        _verify_body(scope, op, op.body.block)
 
 
 def _verify_connectivity(scope: Scope, op: decl.ConnectivityOp) -> None:

@@ -125,10 +125,7 @@ class YieldDerivativeOp(Terminator):
 
 @irdl_op_definition
 class YieldJacobianOp(Terminator):
-    """Jacobian (p x q): p entries of the attribute by q entries of the boundary inputs `wrt`.
-
-    After `lower-to-scalar` it is J^T v (q x 1) for the cotangent v the body takes as its argument.
-    """
+    """Jacobian (p x q): p entries of the attribute by q entries of the boundary inputs `wrt`."""
 
     name = "rel.yield_jacobian"
     jacobian = operand_def()
@@ -141,8 +138,28 @@ class YieldJacobianOp(Terminator):
     def verify_(self) -> None:
         count = _total(self.wrt)
         shape = shape_of(self.jacobian)
-        if shape[1] != count and shape != (count, 1):
+        if shape[1] != count:
             raise VerifyException(f"a Jacobian with respect to {count} entries has {count} columns, got {spell(shape)}")
+
+
+@irdl_op_definition
+class YieldPullbackOp(Terminator):
+    """J^T v (q x 1) for the cotangent v (p x 1) that the body takes: what `lower-to-scalar` makes of a Jacobian J."""
+
+    name = "rel.yield_pullback"
+    cotangent = operand_def()
+    wrt = var_operand_def()
+    WORDS: ClassVar = ("", "wrt")
+
+    def __init__(self, cotangent: SSAValue, wrt: Sequence[SSAValue]) -> None:
+        super().__init__(operands=[cotangent, list(wrt)])
+
+    def verify_(self) -> None:
+        count = _total(self.wrt)
+        if shape_of(self.cotangent) != (count, 1):
+            raise VerifyException(
+                f"the cotangent of {count} entries is {count}x1, got {spell(shape_of(self.cotangent))}"
+            )
 
 
 @irdl_op_definition
@@ -169,4 +186,4 @@ class YieldCurvatureOp(Terminator):
             )
 
 
-OPS = (YieldOp, YieldDerivativeOp, YieldJacobianOp, YieldCurvatureOp)
+OPS = (YieldOp, YieldDerivativeOp, YieldJacobianOp, YieldPullbackOp, YieldCurvatureOp)

@@ -1,4 +1,4 @@
-"""The command `yasps`: run an example or a script, list the examples, describe the machine."""
+"""The command `yasps`: run or explain an example or a script, list the examples, describe the machine."""
 
 import argparse
 import ast
@@ -55,7 +55,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
     try:
         if chosen.command == "run":
             return run(chosen.target, chosen.arguments)
-        if chosen.command == "info":
+        if chosen.command == "explain":
+            _explain(chosen.target, chosen.arguments)
+        elif chosen.command == "info":
             _print_aligned(environment_report())
         else:
             _print_aligned({example.name: example.summary for example in find_examples().values()})
@@ -84,6 +86,18 @@ def run(target: str, arguments: Sequence[str]) -> int:
         raise CommandLineError(_unknown_example(target, examples))
     module = importlib.import_module(f"{EXAMPLES_PACKAGE}.{name}")
     return int(module.main(list(arguments)) or 0)
+
+
+def _explain(target: str, arguments: Sequence[str]) -> None:
+    from yasps.frontend.commands.explain import explain_first_scene  # the compiler, which the other commands don't need
+
+    text = explain_first_scene(lambda: run(target, arguments))
+    if text is None:
+        raise CommandLineError(
+            f"'{target}' ended without a scene with an energy to explain: it must ask for something that is compiled, "
+            "such as minimize_energy(), gradient() or hessian()."
+        )
+    print(text)
 
 
 def find_examples() -> dict[str, Example]:
@@ -143,6 +157,9 @@ def _parser() -> argparse.ArgumentParser:
     runner = commands.add_parser("run", help="run an example by name, or a Python file")
     runner.add_argument("target", metavar="FILE|EXAMPLE", help="a path ending in .py, or a name from `yasps examples`")
     runner.add_argument("arguments", nargs=argparse.REMAINDER, metavar="...", help="given on to what is run")
+    teller = commands.add_parser("explain", help="say what the compiler makes of each energy of an example or a file")
+    teller.add_argument("target", metavar="FILE|EXAMPLE", help="as for run; it ends at its first scene with energies")
+    teller.add_argument("arguments", nargs=argparse.REMAINDER, metavar="...", help="given on to what is run")
     commands.add_parser("examples", help="list the examples")
     commands.add_parser("info", help="describe this machine and installation, for bug reports")
     return parser

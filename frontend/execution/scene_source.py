@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from contextvars import ContextVar
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -55,6 +57,19 @@ def make_dump_folder(folder: str | Path) -> Path:
     return path
 
 
+_watcher: ContextVar[Callable[[CompileRequest], None] | None] = ContextVar("watcher", default=None)
+
+
+@contextmanager
+def watching_compiles(watcher: Callable[[CompileRequest], None]) -> Iterator[None]:
+    """Inside, the watcher is told each scene that this thread is about to compile; what it raises goes to the user."""
+    token = _watcher.set(watcher)
+    try:
+        yield
+    finally:
+        _watcher.reset(token)
+
+
 class SceneSource:
     """What is compiled. `emitter`: knows the scene's parts by their symbols; `code`: what was generated.
 
@@ -68,6 +83,9 @@ class SceneSource:
 
         Raises UnsupportedSceneError.
         """
+        watcher = _watcher.get()
+        if watcher is not None:
+            watcher(request)
         self.emitter = SceneEmitter(request.scene_name)
         self._module = self.emitter.emit(request.energies, request.targets, request.outputs)
         self._left: Sequence[ModulePass] = PIPELINE

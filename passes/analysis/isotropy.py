@@ -11,7 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from enum import Enum
-from typing import NamedTuple
+from typing import NamedTuple, cast
 
 import numpy as np
 from xdsl.ir import Block, SSAValue
@@ -61,6 +61,23 @@ def depends_on_invariants(block: Block, energy: SSAValue, deformation: SSAValue,
     mean that no rule knows an operation. What is held constant for differentiation counts as constant, and each side
     of a choice on its own: the proof is about first and second derivatives.
     """
+    return _known_spaces(block, energy, deformation, active).get(energy) == FIXED
+
+
+def obstacle(block: Block, energy: SSAValue, deformation: SSAValue, active: Sequence[SSAValue]) -> MatOp | None:
+    """The operation that stops the proof of `depends_on_invariants`: the first whose operands are known, but not what
+    rotations do to its result. None where there is no such operation, as where the proof succeeds."""
+    known = _known_spaces(block, energy, deformation, active)
+    for op in block.ops:
+        stops = isinstance(op, MatOp) and op.operands and op.result in known and known[op.result] is None
+        if stops and all(known[operand] is not None for operand in op.operands):
+            return cast(MatOp, op)
+    return None
+
+
+def _known_spaces(
+    block: Block, energy: SSAValue, deformation: SSAValue, active: Sequence[SSAValue]
+) -> dict[SSAValue, Known | None]:
     known: dict[SSAValue, Known | None] = dict.fromkeys(active)
     if shape_of(deformation) in ISOTROPIC_SHAPES:
         known[deformation] = DEFORMATION
@@ -72,7 +89,7 @@ def depends_on_invariants(block: Block, energy: SSAValue, deformation: SSAValue,
             known[op.result] = _spaces_of(op, [known[operand] for operand in op.operands], deformation)
         if energy in known:
             break  # what follows are its derivatives
-    return known.get(energy) == FIXED
+    return known
 
 
 def is_deformation(block: Block, value: SSAValue) -> bool:

@@ -28,7 +28,7 @@ def value_name(value: SSAValue) -> str | None:
         return value.name_hint
     op = value.owner
     if isinstance(op, ReadOp):
-        name = _read_name(op)
+        name: str | None = _read_name(op)
     elif isinstance(op, ConstantOp | IdentityOp):
         name = _constant_name(value)
     elif isinstance(op, MatOp) and len(op.operands) == 1:

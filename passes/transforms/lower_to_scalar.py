@@ -36,6 +36,7 @@ from yasps.dialects.rel import (
     YieldDerivativeOp,
     YieldJacobianOp,
     YieldOp,
+    YieldPullbackOp,
     name_of,
     packed_size,
 )
@@ -324,7 +325,7 @@ def _lower_jacobian(container: Container, jacobian: JacobianOp) -> None:
     outputs = [stage.graph.dot(entries[j::cols], v) for j in range(cols)]
     name = f"{name_of_function(jacobian)}.pull_back"
     (result,) = _call(container, b, name, stage=stage, values=values, outputs=[outputs])
-    b.append(YieldJacobianOp(result, [values[value] for value in terminator.wrt]))
+    b.append(YieldPullbackOp(result, [values[value] for value in terminator.wrt]))
     _replace_body(jacobian, b.body)
 
 

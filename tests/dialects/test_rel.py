@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ast
 from pathlib import Path
+from traceback import walk_tb
 
 import pytest
 from xdsl.dialects.builtin import ModuleOp
@@ -61,6 +62,11 @@ builtin.module {
       %10 = rel.data @m.v.x : 3x1
       %11 = mat.identity : 3x3
       rel.yield_jacobian %11 wrt %10
+    }
+    rel.jacobian @m.v.x.lowered of @m.v.x on @m.v {
+    ^bb0(%24: tensor<3x1xf64>):
+      %25 = rel.data @m.v.x : 3x1
+      rel.yield_pullback %24 wrt %25
     }
     rel.curvature @m.v.x.curvature of @m.v.x on @m.v {
     ^bb0(%18: tensor<3x1xf64>):
@@ -298,6 +304,16 @@ BREAKS: dict[str, tuple[str, str, str]] = {
         "rel.yield_jacobian %10 wrt %11",
         "a Jacobian with respect to 9 entries has 9 columns, got 3x1",
     ),
+    "a Jacobian is no pull-back": (
+        "rel.yield_jacobian %11 wrt %10",
+        "rel.yield_jacobian %10 wrt %10",
+        "a Jacobian with respect to 3 entries has 3 columns, got 3x1",
+    ),
+    "a pull-back is no Jacobian": (
+        "rel.yield_jacobian %11 wrt %10",
+        "rel.yield_pullback %11 wrt %10",
+        "the cotangent of 3 entries is 3x1, got 3x3",
+    ),
     "a curvature is square or packed": (
         "rel.yield_curvature %20 wrt %19",
         "rel.yield_curvature %19 wrt %20",
@@ -333,7 +349,11 @@ def test_every_law_is_broken() -> None:
         with pytest.raises(VerifyException) as error:
             broken.verify()
         assert message in str(error.value), law
-        reached |= {entry.lineno + 1 for entry in error.traceback if Path(entry.path).samefile(source)}
+        raised: BaseException | None = error.value
+        while raised is not None:
+            frames = walk_tb(raised.__traceback__)
+            reached |= {line for frame, line in frames if Path(frame.f_code.co_filename).samefile(source)}
+            raised = raised.__cause__
     missed = [node.lineno for node in raises if not any(node.lineno <= n <= (node.end_lineno or 0) for n in reached)]
     assert not missed, f"no test breaks the laws in these lines of {source}: {missed}"
 

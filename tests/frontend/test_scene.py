@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from xdsl.parser import Parser
 
 from yasps import Attribute, Mesh, NameTakenError, Primitive, Scene, SceneError, add_scene
+from yasps.passes.ir_text import text_of
 from yasps.passes.pipeline import PIPELINE, make_context
 
 Floats = NDArray[np.float64]
@@ -225,7 +226,7 @@ def assert_dump(folder: Path) -> None:
         text = path.read_text(encoding="utf-8")
         module = Parser(make_context(), text, str(path)).parse_module()
         module.verify()
-        assert str(module) == text.rstrip("\n")
+        assert text_of(module) == text
     sources = list((folder / "generated").glob("*.cpp"))
     assert sources
     assert all("extern" in path.read_text(encoding="utf-8") for path in sources)

@@ -13,6 +13,7 @@ from small_scenes import SCENES, along_each_unknown, dense_assembly, emit
 from xdsl.dialects.builtin import ModuleOp
 
 from yasps.backend.reference.interpreter import Interpreter, SceneData
+from yasps.passes.ir_text import text_of
 from yasps.passes.pipeline import run_pipeline
 
 
@@ -78,7 +79,7 @@ def _run(scene: str, projection: str) -> Run:
     known: dict[str, Stage] = {}
 
     def after(name: str, module: ModuleOp) -> None:
-        text = str(module)
+        text = text_of(module)
         if text not in known:  # a pass that changes nothing has the stage before it
             known[text] = Stage(text, module.clone(), emitted.data)
         stages[name] = known[text]

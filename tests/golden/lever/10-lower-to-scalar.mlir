@@ -26,7 +26,7 @@ builtin.module {
       %angle = rel.join @m.arms.angle through @m.tips.arm : 1x1
       %length = rel.data @m.tips.length : 1x1
       %0 = rel.apply @m.tips.x.pull_back(%angle, %length, %cotangent) : 1x1
-      rel.yield_jacobian %0 wrt %angle
+      rel.yield_pullback %0 wrt %angle
     }
     rel.curvature @m.tips.x.curvature of @m.tips.x on @m.tips {
     ^bb0(%cotangent: tensor<2x1xf64>):

@@ -54,7 +54,7 @@ builtin.module {
       %angle = rel.join @m.arms.angle through @m.tips.arm : 1x1
       %length = rel.data @m.tips.length : 1x1
       %0 = rel.apply @m.tips.x.pull_back(%angle, %length, %cotangent) : 1x1
-      rel.yield_jacobian %0 wrt %angle
+      rel.yield_pullback %0 wrt %angle
     }
     func.func @m.tips.x.pull_back(%0: f64, %1: f64, %2: f64, %3: f64) -> f64 {
       %4 = math.cos %0 : f64

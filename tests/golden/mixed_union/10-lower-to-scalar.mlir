@@ -46,7 +46,7 @@ builtin.module {
       %rest = rel.data @stiff.v.rest : 3x1
       %A = rel.join @stiff.body.A through @stiff.v.owner : 1x9
       %0 = rel.apply @stiff.v.x.pull_back(%rest, %cotangent) : 12x1
-      rel.yield_jacobian %0 wrt %t, %A
+      rel.yield_pullback %0 wrt %t, %A
     }
     // energy @both.pp.barrier of pair 2x3; projection clamp 3x3 of 6x6; operations: derive_uniforms 1, derive 63, pull_back 6
     rel.derivative @both.pp.barrier.derivative of @both.pp.barrier on @both.pp projection "clamp" dynamic indices @both.pp.barrier.kappa projects "3x3 of 6x6: the energy reads its inputs through a linear cut" {

@@ -107,7 +107,7 @@ builtin.module {
       %rest = rel.data @stiff.v.rest : 3x1
       %A = rel.join @stiff.body.A through @stiff.v.owner : 1x9
       %0 = rel.apply @stiff.v.x.pull_back(%rest, %cotangent) : 12x1
-      rel.yield_jacobian %0 wrt %t, %A
+      rel.yield_pullback %0 wrt %t, %A
     }
     func.func @stiff.v.x.pull_back(%0: f64, %1: f64, %2: f64, %3: f64, %4: f64, %5: f64) -> (f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64, f64) {
       %6 = arith.mulf %0, %3 : f64

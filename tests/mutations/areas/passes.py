@@ -66,8 +66,8 @@ MUTATIONS = (
     Mutation(
         "project-psd: the gradient's shared values are projected and the Hessian is not",
         "passes/transforms/project_psd.py",
-        "hessian(terminator.hessian), list(terminator.wrt))",
-        "terminator.hessian, list(terminator.wrt))",
+        'named(hessian(terminator.hessian), "hessian"), wrt, cut))',
+        "terminator.hessian, wrt, cut))",
         WIDTHS,
     ),
     Mutation(
