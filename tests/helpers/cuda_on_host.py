@@ -28,7 +28,7 @@ from yasps.runtime.device.protocol import BLOCK, Kernel
 
 HEADER = Path(__file__).resolve().with_name("cuda_on_host.h")
 FLAGS = (
-    "-O1",
+    "-O0",
     "-std=c++17",
     "-fPIC",
     "-U_FORTIFY_SOURCE",
@@ -37,6 +37,7 @@ FLAGS = (
     "-Wno-unused-function",
     "-Wno-unused-variable",
 )
+"""Without optimisation: it costs more time than small scenes take to run."""
 _BOUNDS = r"__launch_bounds__\([\w, ]+\)"
 _KERNEL = re.compile(rf'extern "C" __global__ (?:void (?:{_BOUNDS}\s)?\s*|{_BOUNDS} void )(\w+)\(([^)]*)\)\s*\{{')
 _WAITS = re.compile(r"__sync|_sync\(")

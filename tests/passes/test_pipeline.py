@@ -60,7 +60,7 @@ def test_projected_hessians_are_kept_by_every_pass(run: Any) -> None:
 def test_the_scenes_have_something_to_project(pipeline_run: Any) -> None:
     """Otherwise the tests of projection would test nothing."""
     for name in ("soft_tets", "mixed_union", "shared_targets"):
-        assert np.linalg.eigvalsh(pipeline_run(name, "none").hessian)[0] < -1e-3
+        assert np.linalg.eigvalsh(pipeline_run(name, "none").stages["differentiate"].hessian)[0] < -1e-3
 
 
 @pytest.mark.slow

@@ -31,4 +31,4 @@ def runtime() -> Runtime:
 @pytest.fixture(scope="session")
 def device() -> HostDevice:
     """The device that all scenes for devices run on; flags as for `runtime`."""
-    return HostDevice(flags=FLAGS if IS_NIGHTLY else ("-O0", *FLAGS[1:]))
+    return HostDevice(flags=("-O1", *FLAGS[1:]) if IS_NIGHTLY else FLAGS)

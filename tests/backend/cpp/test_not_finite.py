@@ -6,7 +6,7 @@ import re
 
 import numpy as np
 import pytest
-from cuda_on_host import FLAGS, HostDevice
+from cuda_on_host import HostDevice
 
 from yasps import Attribute, NotFiniteError, Scene
 from yasps.backend.cpp.derivative import MOST_PACKS
@@ -72,7 +72,7 @@ def test_every_entry_of_a_hessian_that_is_not_projected_is_looked_at() -> None:
 
 @pytest.mark.parametrize(("power", "projection"), [(0.5, "clamp"), (1.5, "clamp"), (1.5, "none")])
 def test_on_a_device(power: float, projection: str) -> None:
-    device = HostDevice(flags=("-O0", *FLAGS[1:]))
+    device = HostDevice()
     scene, x = scene_of(3, power, projection=projection, device=device)
     for entry in range(3):
         check_names(scene, x, entry, (0, 131, 298), in_gradient=power < 1)
