@@ -10,11 +10,15 @@ from yasps.dialects.rel import body, declarations, terminators
 from yasps.dialects.rel.body import (
     ApplyOp,
     DataOp,
+    JoinIndicesOp,
+    JoinNumbersOp,
     JoinOp,
     ProjectOp,
     ReadOp,
     RefOp,
     TargetIndexOp,
+    UnionIndicesOp,
+    UnionNumbersOp,
     UnionOp,
 )
 from yasps.dialects.rel.declarations import (
@@ -59,6 +63,8 @@ __all__ = [
     "DerivativeOp",
     "EnergyOp",
     "JacobianOp",
+    "JoinIndicesOp",
+    "JoinNumbersOp",
     "JoinOp",
     "MeshOp",
     "ObjectOp",
@@ -73,6 +79,8 @@ __all__ = [
     "StorageOp",
     "TargetIndexOp",
     "TargetOp",
+    "UnionIndicesOp",
+    "UnionNumbersOp",
     "UnionOp",
     "YieldCurvatureOp",
     "YieldDerivativeOp",

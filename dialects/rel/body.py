@@ -72,21 +72,12 @@ class RefOp(ReadOp):
         super().__init__(properties={"attribute": symbol(attribute)}, result_types=[type_])
 
 
-@irdl_op_definition
 class JoinOp(ReadOp):
-    """JOIN: values at the connected instances, one row of r c entries each (paper, eq. 2).
+    """JOIN: what the source has at the connected instances."""
 
-    Through a connectivity of variable arity their "sum" or "mean" instead, of the source's shape; placement indices are
-    gathered one below the other, and 0 fills up to the largest arity.
-    """
-
-    name = "rel.join"
     source = prop_def(SymbolRefAttr)
     connectivity = prop_def(SymbolRefAttr)
     operation = opt_prop_def(StringAttr)
-    assembly_format = (
-        "$source `through` $connectivity (`operation` $operation^)? attr-dict `:` custom<ResultType>(type($result))"
-    )
 
     def __init__(self, source: str, connectivity: str, type_: Matrix, operation: str | None = None) -> None:
         properties: dict[str, Attribute] = {"source": symbol(source), "connectivity": symbol(connectivity)}
@@ -99,24 +90,70 @@ class JoinOp(ReadOp):
         """ "sum", "mean" or None."""
         return self.operation.data if self.operation is not None else None
 
+
+@irdl_op_definition
+class JoinNumbersOp(JoinOp):
+    """JOIN: values at the connected instances, one row of r c entries each (paper, eq. 2).
+
+    Through a connectivity of variable arity their "sum" or "mean" instead, of the source's shape.
+    """
+
+    name = "rel.join"
+    assembly_format = (
+        "$source `through` $connectivity (`operation` $operation^)? attr-dict `:` custom<ResultType>(type($result))"
+    )
+
     def verify_(self) -> None:
+        _verify_element(self, of_indices=False)
         if self.reduction not in (None, *JOIN_OPERATIONS):
             raise VerifyException(f"operation must be one of {', '.join(JOIN_OPERATIONS)}, got {self.reduction!r}")
 
 
 @irdl_op_definition
+class JoinIndicesOp(JoinOp):
+    """Placement indices at the connected instances, one row each; of a variable arity, 0 fills up to the largest."""
+
+    name = "rel.join_indices"
+    assembly_format = "$source `through` $connectivity attr-dict `:` custom<ResultType>(type($result))"
+
+    def verify_(self) -> None:
+        _verify_element(self, of_indices=True)
+
+
+def _verify_element(op: ReadOp, *, of_indices: bool) -> None:
+    if isinstance(op.matrix_type.element_type, IntegerType) != of_indices:
+        raise VerifyException(f"{op.name} gives {'placement indices' if of_indices else 'numbers'}, not the other")
+
+
 class UnionOp(ReadOp):
-    """UNION: the value of the member this instance of a primitive union comes from (paper, 4.6).
+    """UNION: what the member has that this instance of a primitive union comes from."""
 
-    Placement indices of members with fewer parameters are padded with 0 (appendix A.3).
-    """
-
-    name = "rel.union"
     members = prop_def(ArrayAttr[SymbolRefAttr])
-    assembly_format = "$members attr-dict `:` custom<ResultType>(type($result))"
 
     def __init__(self, members: Sequence[str], type_: Matrix) -> None:
         super().__init__(properties={"members": ArrayAttr([symbol(m) for m in members])}, result_types=[type_])
+
+
+@irdl_op_definition
+class UnionNumbersOp(UnionOp):
+    """UNION: the value of the member this instance of a primitive union comes from (paper, 4.6)."""
+
+    name = "rel.union"
+    assembly_format = "$members attr-dict `:` custom<ResultType>(type($result))"
+
+    def verify_(self) -> None:
+        _verify_element(self, of_indices=False)
+
+
+@irdl_op_definition
+class UnionIndicesOp(UnionOp):
+    """Placement indices of the member this instance comes from, a row; 0 fills up to the longest (appendix A.3)."""
+
+    name = "rel.union_indices"
+    assembly_format = "$members attr-dict `:` custom<ResultType>(type($result))"
+
+    def verify_(self) -> None:
+        _verify_element(self, of_indices=True)
 
 
 @irdl_op_definition
@@ -251,7 +288,7 @@ class ProjectOp(IRDLOperation):
         )
 
 
-READS = (DataOp, RefOp, JoinOp, UnionOp, TargetIndexOp)
+READS = (DataOp, RefOp, JoinNumbersOp, JoinIndicesOp, UnionNumbersOp, UnionIndicesOp, TargetIndexOp)
 OPS = (*READS, ApplyOp, ProjectOp)
 
 __all__ = [
@@ -259,10 +296,14 @@ __all__ = [
     "READS",
     "ApplyOp",
     "DataOp",
+    "JoinIndicesOp",
+    "JoinNumbersOp",
     "JoinOp",
     "ProjectOp",
     "ReadOp",
     "RefOp",
     "TargetIndexOp",
+    "UnionIndicesOp",
+    "UnionNumbersOp",
     "UnionOp",
 ]

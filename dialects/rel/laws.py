@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from typing import cast
 
-from xdsl.dialects.builtin import IntegerType, StringAttr
+from xdsl.dialects.builtin import StringAttr
 from xdsl.ir import Block, Operation
 from xdsl.utils.exceptions import VerifyException
 
@@ -170,9 +170,7 @@ def _verify_join(scope: Scope, user: str, owner: str, op: body_ops.JoinOp) -> No
         )
     rows, cols = type_.get_shape()
     arity = connectivity.arity.value.data
-    if (connectivity.variable is not None) != (op.reduction is not None) and not isinstance(
-        type_.element_type, IntegerType
-    ):
+    if (connectivity.variable is not None) != (op.reduction is not None) and not isinstance(op, body_ops.JoinIndicesOp):
         raise VerifyException(
             f"{user}: a JOIN through @{name} "
             + (
@@ -197,7 +195,7 @@ def _verify_union(scope: Scope, user: str, owner: str, op: body_ops.UnionOp) -> 
     expected = [name_of(m) for m in union.members]
     if len(expected) != len(op.members):
         raise VerifyException(f"{user} unites {len(op.members)} attributes, but @{owner} has {len(expected)} members")
-    padded = isinstance(op.matrix_type.element_type, IntegerType)
+    padded = isinstance(op, body_ops.UnionIndicesOp)
     for member, reference in zip(expected, op.members, strict=True):
         member_owner, type_ = scope.owner_and_type(name_of(reference), user)
         if member_owner != member:

@@ -15,6 +15,7 @@ from yasps.dialects.rel import (
     ConnectivityOp,
     DataOp,
     EnergyOp,
+    JoinNumbersOp,
     JoinOp,
     MeshOp,
     PrimitiveOp,
@@ -23,6 +24,7 @@ from yasps.dialects.rel import (
     SceneOp,
     StorageOp,
     TargetOp,
+    UnionNumbersOp,
     UnionOp,
     YieldOp,
 )
@@ -144,11 +146,11 @@ class SceneEmitter:
         node = root.node if root is attribute else None
         if isinstance(node, Joined):
             source, connectivity = self.defined(node.source), self.connectivity(node.connectivity)
-            read: JoinOp | UnionOp = JoinOp(source, connectivity, matrix_type(attribute.shape), node.operation)
+            read: JoinOp | UnionOp = JoinNumbersOp(source, connectivity, matrix_type(attribute.shape), node.operation)
             b.append(read)
             values[root] = read.result
         elif isinstance(node, United):
-            read = UnionOp([self.defined(member) for member in node.members], matrix_type(attribute.shape))
+            read = UnionNumbersOp([self.defined(member) for member in node.members], matrix_type(attribute.shape))
             b.append(read)
             values[root] = read.result
         stack = [root]

@@ -22,10 +22,12 @@ from yasps.dialects.rel import (
     DataOp,
     DerivativeOp,
     JacobianOp,
+    JoinIndicesOp,
     JoinOp,
     RefOp,
     TargetIndexOp,
     TargetOp,
+    UnionIndicesOp,
     UnionOp,
     YieldDerivativeOp,
     YieldJacobianOp,
@@ -102,7 +104,7 @@ class _IndexInference:
         kappas = [self.kappa_of(name_of(member)) for member in union.members]
         capacity = max(kappa.matrix_type.get_shape()[1] for kappa in kappas)
         b = MatBuilder(Block())
-        op = UnionOp([kappa.symbol for kappa in kappas], matrix_type((1, capacity), i32))
+        op = UnionIndicesOp([kappa.symbol for kappa in kappas], matrix_type((1, capacity), i32))
         b.append(op)
         return self.define(key, attribute, b, op.result)
 
@@ -123,7 +125,7 @@ class _IndexInference:
             kappa = self.kappa_of(name_of(read.source))
             connectivity = name_of(read.connectivity)
             shape = (self.arities[connectivity], kappa.matrix_type.get_shape()[1])
-            op = JoinOp(kappa.symbol, connectivity, matrix_type(shape, i32))  # of a variable arity: all, padded with 0
+            op = JoinIndicesOp(kappa.symbol, connectivity, matrix_type(shape, i32))
         b.append(op)
         rows, cols = shape_of(op.result)
         return b.reshape(op.result, (1, rows * cols))

@@ -53,8 +53,12 @@ builtin.module {
     }
     rel.attribute @n.v.x.kappa on @n.v : 1x2xi32
     rel.attribute @m.u.x.kappa on @m.u : 1x2xi32 {
-      %9 = rel.union [@m.v.x.kappa, @n.v.x.kappa] : 1x2xi32
+      %9 = rel.union_indices [@m.v.x.kappa, @n.v.x.kappa] : 1x2xi32
       rel.yield %9
+    }
+    rel.attribute @m.p.kappa on @m.p : 2x2xi32 {
+      %26 = rel.join_indices @m.u.x.kappa through @m.p.ends : 2x2xi32
+      rel.yield %26
     }
     rel.energy @m.p.energy projection "clamp" dynamic
     rel.target @m.v.x
@@ -268,6 +272,21 @@ BREAKS: dict[str, tuple[str, str, str]] = {
         "rel.attribute @n.v.x.kappa on @n.v : 1x2xi32",
         "rel.attribute @n.v.x.kappa on @n.v : 1x3xi32",
         "@m.u.x.kappa is 1x2, but @n.v.x.kappa is 1x3",
+    ),
+    "a JOIN is of numbers": (
+        "rel.join_indices @m.u.x.kappa",
+        "rel.join @m.u.x.kappa",
+        "rel.join gives numbers, not the other",
+    ),
+    "a UNION of placement indices says so": (
+        "rel.union_indices [",
+        "rel.union [",
+        "rel.union gives numbers, not the other",
+    ),
+    "placement indices are no numbers": (
+        "rel.union [@m.v.x, @n.v.x]",
+        "rel.union_indices [@m.v.x, @n.v.x]",
+        "rel.union_indices gives placement indices, not the other",
     ),
     "a placement index is of a stored variable": (
         "rel.target_index @m.v.x",

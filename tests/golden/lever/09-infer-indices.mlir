@@ -110,11 +110,11 @@ builtin.module {
       rel.yield %index_of_angle
     }
     rel.attribute @m.tips.x.kappa on @m.tips : 1x1xi32 {
-      %angle_kappa_at_arm = rel.join @m.arms.angle.kappa through @m.tips.arm : 1x1xi32
+      %angle_kappa_at_arm = rel.join_indices @m.arms.angle.kappa through @m.tips.arm : 1x1xi32
       rel.yield %angle_kappa_at_arm
     }
     rel.attribute @m.springs.stretch.kappa on @m.springs : 1x2xi32 {
-      %x_kappa_at_ends = rel.join @m.tips.x.kappa through @m.springs.ends : 2x1xi32
+      %x_kappa_at_ends = rel.join_indices @m.tips.x.kappa through @m.springs.ends : 2x1xi32
       %0 = mat.reshape %x_kappa_at_ends : 1x2xi32
       rel.yield %0
     }

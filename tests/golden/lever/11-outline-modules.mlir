@@ -118,13 +118,13 @@ builtin.module {
   }
   rel.object @m.tips.x.kappa.object entries ["call"] {
     rel.attribute @m.tips.x.kappa on @m.tips : 1x1xi32 {
-      %angle_kappa_at_arm = rel.join @m.arms.angle.kappa through @m.tips.arm : 1x1xi32
+      %angle_kappa_at_arm = rel.join_indices @m.arms.angle.kappa through @m.tips.arm : 1x1xi32
       rel.yield %angle_kappa_at_arm
     }
   }
   rel.object @m.springs.stretch.kappa.object entries ["batch"] {
     rel.attribute @m.springs.stretch.kappa on @m.springs : 1x2xi32 {
-      %x_kappa_at_ends = rel.join @m.tips.x.kappa through @m.springs.ends : 2x1xi32
+      %x_kappa_at_ends = rel.join_indices @m.tips.x.kappa through @m.springs.ends : 2x1xi32
       %0 = rel.apply @m.springs.stretch.kappa.value(%x_kappa_at_ends) : 1x2xi32
       rel.yield %0
     }

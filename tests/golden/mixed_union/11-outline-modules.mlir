@@ -236,8 +236,8 @@ builtin.module {
   }
   rel.object @stiff.v.x.kappa.object entries ["call"] {
     rel.attribute @stiff.v.x.kappa on @stiff.v : 1x2xi32 {
-      %t_kappa_at_owner = rel.join @stiff.body.t.kappa through @stiff.v.owner : 1x1xi32
-      %A_kappa_at_owner = rel.join @stiff.body.A.kappa through @stiff.v.owner : 1x1xi32
+      %t_kappa_at_owner = rel.join_indices @stiff.body.t.kappa through @stiff.v.owner : 1x1xi32
+      %A_kappa_at_owner = rel.join_indices @stiff.body.A.kappa through @stiff.v.owner : 1x1xi32
       %0 = rel.apply @stiff.v.x.kappa.value(%t_kappa_at_owner, %A_kappa_at_owner) : 1x2xi32
       rel.yield %0
     }
@@ -257,13 +257,13 @@ builtin.module {
   }
   rel.object @both.v.x.kappa.object entries ["call"] {
     rel.attribute @both.v.x.kappa on @both.v : 1x2xi32 {
-      %x_kappa = rel.union [@soft.v.x.kappa, @stiff.v.x.kappa, @still.v.x.kappa] : 1x2xi32
+      %x_kappa = rel.union_indices [@soft.v.x.kappa, @stiff.v.x.kappa, @still.v.x.kappa] : 1x2xi32
       rel.yield %x_kappa
     }
   }
   rel.object @both.pp.barrier.kappa.object entries ["batch"] {
     rel.attribute @both.pp.barrier.kappa on @both.pp : 1x4xi32 {
-      %x_kappa_at_ends = rel.join @both.v.x.kappa through @both.pp.ends : 2x2xi32
+      %x_kappa_at_ends = rel.join_indices @both.v.x.kappa through @both.pp.ends : 2x2xi32
       %0 = rel.apply @both.pp.barrier.kappa.value(%x_kappa_at_ends) : 1x4xi32
       rel.yield %0
     }

@@ -256,7 +256,7 @@ builtin.module {
       rel.yield %index_of_x
     }
     rel.attribute @m.t.swell.kappa on @m.t : 1x4xi32 {
-      %x_kappa_at_corners = rel.join @m.v.x.kappa through @m.t.corners : 4x1xi32
+      %x_kappa_at_corners = rel.join_indices @m.v.x.kappa through @m.t.corners : 4x1xi32
       %0 = mat.reshape %x_kappa_at_corners : 1x4xi32
       rel.yield %0
     }

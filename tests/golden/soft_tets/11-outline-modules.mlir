@@ -392,7 +392,7 @@ builtin.module {
   }
   rel.object @m.t.swell.kappa.object entries ["batch"] {
     rel.attribute @m.t.swell.kappa on @m.t : 1x4xi32 {
-      %x_kappa_at_corners = rel.join @m.v.x.kappa through @m.t.corners : 4x1xi32
+      %x_kappa_at_corners = rel.join_indices @m.v.x.kappa through @m.t.corners : 4x1xi32
       %0 = rel.apply @m.t.swell.kappa.value(%x_kappa_at_corners) : 1x4xi32
       rel.yield %0
     }

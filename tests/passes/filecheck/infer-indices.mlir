@@ -29,8 +29,8 @@ rel.scene @s {
 // CHECK:       rel.attribute @m.b.x.kappa on @m.b : 1x1xi32 {
 // CHECK-NEXT:    [[B:%.+]] = mat.constant 0 : 1x1xi32
 // CHECK:       rel.attribute @m.u.x.kappa on @m.u : 1x1xi32 {
-// CHECK-NEXT:    [[U:%.+]] = rel.union [@m.a.x.kappa, @m.b.x.kappa] : 1x1xi32
+// CHECK-NEXT:    [[U:%.+]] = rel.union_indices [@m.a.x.kappa, @m.b.x.kappa] : 1x1xi32
 // CHECK:       rel.attribute @m.p.e.kappa on @m.p : 1x2xi32 {
-// CHECK-NEXT:    [[J:%.+]] = rel.join @m.u.x.kappa through @m.p.ends : 2x1xi32
+// CHECK-NEXT:    [[J:%.+]] = rel.join_indices @m.u.x.kappa through @m.p.ends : 2x1xi32
 // CHECK-NEXT:    [[R:%.+]] = mat.reshape [[J]] : 1x2xi32
 // CHECK-NEXT:    rel.yield [[R]]
