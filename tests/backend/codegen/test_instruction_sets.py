@@ -18,11 +18,19 @@ Check = Callable[[Scene], CpuScene]
 
 
 @pytest.mark.skipif(platform.machine() != "x86_64", reason="registers of other widths are an x86 matter")
-@pytest.mark.parametrize("flag", ["-mno-avx512f", "-mno-avx"])
+@pytest.mark.parametrize(
+    "flags",
+    [
+        ("-mno-avx512f",),
+        ("-mno-avx", "-O0"),  # packs in registers of two numbers: optimised, the runtime alone takes 20 s to compile
+        pytest.param(("-mno-avx",), marks=pytest.mark.nightly),
+    ],
+    ids=" ".join,
+)
 @pytest.mark.parametrize("name", SCENES)
-def test_scenes(name: str, flag: str, agrees_with_interpreter: Check) -> None:
+def test_scenes(name: str, flags: tuple[str, ...], agrees_with_interpreter: Check) -> None:
     scene = SCENES[name]("clamp")
-    scene._runtime = load_runtime(find_compiler((*DEFAULT_FLAGS, flag)))
+    scene._runtime = load_runtime(find_compiler((*DEFAULT_FLAGS, *flags)))
     agrees_with_interpreter(scene)
 
 

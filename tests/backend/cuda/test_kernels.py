@@ -206,7 +206,7 @@ def lines_of(*bodies: Parameterisation) -> dict[str, int]:
 
 def test_code_grows_linearly_with_parameterisations() -> None:
     """Every further cage adds the same objects, and a branch to those of the union."""
-    lines = [lines_of(free, *[cage] * k) for k in (1, 2, 3, 4)]
+    lines = [lines_of(free, *[cage] * k) for k in (1, 2, 3)]
     totals = [sum(counted.values()) for counted in lines]
     growth = {b - a for a, b in pairwise(totals)}
     assert len(growth) == 1, totals
@@ -216,7 +216,7 @@ def test_code_grows_linearly_with_parameterisations() -> None:
     for name in ("everything.vertices.position", "everything.vertices.position.kappa"):
         branches = [counted[name] for counted in lines]
         assert len({b - a for a, b in pairwise(branches)}) == 1
-    shared = {code.text for code in emit(contact(free, *[cage] * 4, pairs=0)) if ".position.jacobian" in code.name}
+    shared = {code.text for code in emit(contact(free, *[cage] * 3, pairs=0)) if ".position.jacobian" in code.name}
     assert len(shared) == 1, "equal objects are one module"
 
 
