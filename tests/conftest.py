@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import os
 import sys
 from collections.abc import Iterator
@@ -33,6 +34,12 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
         is_quick = folder == "." or f"{folder}/".startswith(tuple(f"{name}/" for name in QUICK))
         if not is_quick or item.get_closest_marker("nightly"):
             item.add_marker("slow")
+
+
+def pytest_collection_finish() -> None:
+    """Takes what modules and the list of tests hold from the garbage collector, which a device without memory runs."""
+    gc.collect()
+    gc.freeze()
 
 
 def pytest_sessionstart() -> None:
