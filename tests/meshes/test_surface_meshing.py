@@ -26,11 +26,12 @@ def test_a_body_from_a_closed_surface() -> None:
 @pytest.mark.parametrize(
     ("triangles", "message"),
     [
+        (SURFACE.triangles[:0], "has no triangles"),
         (SURFACE.triangles[:-1], "not closed: the edge of vertices . and . borders one triangle only"),
         (SURFACE.triangles[:, ::-1], r"encloses a volume of -0.001 m\^3: its triangles face inwards"),
         (np.concatenate([SURFACE.triangles, SURFACE.triangles]), "is used twice in one direction"),
     ],
-    ids=["open", "inside out", "twice"],
+    ids=["empty", "open", "inside out", "twice"],
 )
 def test_surfaces_without_an_inside(triangles: np.ndarray, message: str) -> None:
     with pytest.raises(MeshError, match=message):

@@ -66,6 +66,8 @@ def tetrahedra_of(shape: TetrahedralMesh | TriangleMesh) -> TetrahedralMesh:
 
 def _check_closed(vertices: Float64Array, triangles: Int32Array) -> None:
     """Raises MeshError unless every edge is used once in each direction, and the volume inside is positive."""
+    if len(triangles) == 0:
+        raise MeshError("The surface has no triangles.")
     edges = np.concatenate([triangles[:, [0, 1]], triangles[:, [1, 2]], triangles[:, [2, 0]]]).astype(np.int64)
     forward, backward = (edges @ np.array(weights) for weights in ([len(vertices), 1], [1, len(vertices)]))
     numbers, counts = np.unique(forward, return_counts=True)
