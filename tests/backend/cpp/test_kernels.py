@@ -238,3 +238,26 @@ def test_constant_entries_of_a_hessian_that_is_expanded(agrees_with_interpreter:
     scene.add_energy(energy, projection="clamp")
     scene.add_minimize_target([a, b])
     agrees_with_interpreter(scene)
+
+
+@pytest.mark.parametrize("size", [1, 2, 4])
+def test_blocks_of_other_sizes_than_3x3_are_turned_where_they_lie_below_the_diagonal(size: int) -> None:
+    """a[0]^2 b[-1] over pairs in both orders and of one vertex with itself: its blocks are not symmetric."""
+    values = np.random.default_rng(3).uniform(0.5, 1.5, (4, size))
+    pairs = np.array([[0, 1], [2, 0], [3, 1], [1, 2], [2, 2], [3, 0], [1, 3], [0, 2], [2, 3], [3, 3]])
+    scene = Scene("blocks", threads=1)
+    mesh = scene.add_mesh("m")
+    vertices, edges = mesh.add_primitive("v", len(values)), mesh.add_primitive("e", len(pairs))
+    position = vertices.add_attribute("x", size, 1, value=values)
+    ends = edges.add_connectivity("ends", vertices, pairs, 2)
+    a, b = edges.add_attribute("both", through=ends, source=position)
+    energy = a[0] ** 2 * b[-1] if size > 1 else a**2 * b
+    scene.add_energy(edges.add_attribute("energy", computed_attribute=energy), projection="none")
+    scene.add_minimize_target(position)
+    wanted = np.zeros((values.size, values.size))
+    for i, j in pairs:
+        first, last = i * size, j * size + size - 1
+        wanted[first, first] += 2 * values[j, -1]
+        wanted[first, last] += 2 * values[i, 0]
+        wanted[last, first] += 2 * values[i, 0]
+    np.testing.assert_allclose(scene.hessian(projected=False).to_scipy().toarray(), wanted, rtol=1e-14, atol=1e-14)

@@ -6,6 +6,9 @@ from mutation import Mutation
 
 SCENES = ("tests/properties/test_scenes.py::test_kernels",)
 KERNELS = ("tests/backend/cpp/test_kernels.py",)
+BLOCKS = (
+    "tests/backend/cpp/test_kernels.py::test_blocks_of_other_sizes_than_3x3_are_turned_where_they_lie_below_the_diagonal",
+)
 NOT_FINITE = "tests/backend/cpp/test_not_finite.py"
 
 MUTATIONS = (
@@ -28,7 +31,7 @@ MUTATIONS = (
         "backend/cpp/preludes/kernel.h",
         "} else if (position & kYaspsTurned) {",
         "} else if (position & 0) {",
-        SCENES,
+        BLOCKS,
     ),
     Mutation(
         "curvature: what lies behind a nonlinear layer is dropped",
