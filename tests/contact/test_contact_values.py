@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from yasps import Scene
 from yasps.contact import KINDS, BarrierContact
+from yasps.meshes import ground
 
 Floats = NDArray[np.float64]
 STIFFNESS = 3.5
@@ -116,6 +117,27 @@ def test_pairs_follow_the_vertices() -> None:
     assert len(contact.update()) == 0
     assert scene.total_energy() == 0.0
     assert not scene.gradient()[0].any()
+
+
+def test_pairs_are_renewed_where_as_many_are_close() -> None:
+    """A triangle over a sheet moves by one cell: as many pairs of some kind, of other vertices."""
+    sheet = ground((1.0, 1.0), divisions=(8, 8))
+    triangle = np.array([[-0.2, -0.21, 0.01], [-0.14, -0.19, 0.01], [-0.17, -0.16, 0.012]])
+    points = np.concatenate([sheet.vertices, triangle])
+    faces = np.concatenate([sheet.triangles, [[len(points) - 3, len(points) - 2, len(points) - 1]]])
+    scene, contact = contact_scene(points, faces, 0.02)
+    (position,) = scene.minimize_targets
+    pairs = []
+    for _ in range(2):
+        contact.update()
+        seen = {name: contact.primitives[name].vertices.indices for name in contact.primitives}
+        for name, kind in contact.active.kinds().items():
+            np.testing.assert_array_equal(seen[name], kind.vertices)
+        pairs.append(seen)
+        points[-3:, 0] += 0.125
+        position.update_value(points)
+    before_and_after = [(pairs[0][name], pairs[1][name]) for name in KINDS]
+    assert any(len(old) == len(new) and not np.array_equal(old, new) for old, new in before_and_after)
 
 
 def test_groups_and_fixed_vertices_meet_all_others() -> None:
