@@ -24,6 +24,43 @@ def test_the_oldest_files_go_first(tmp_path: Path) -> None:
     compiled_code.shrink(tmp_path / "not there")
 
 
+def test_files_that_another_run_takes_away_are_no_error(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    for k in range(3):
+        (tmp_path / f"f{k}").write_bytes(bytes(100))
+        os.utime(tmp_path / f"f{k}", (1.0, 1.0))
+    (tmp_path / "gone").symlink_to(tmp_path / "nothing")
+    real = os.DirEntry.stat
+    scan = os.scandir
+
+    class Entry:
+        """Of a file that is deleted before it is looked at."""
+
+        def __init__(self, entry: os.DirEntry[str]) -> None:
+            self.path, self._entry = entry.path, entry
+
+        def is_file(self, *, follow_symlinks: bool) -> bool:
+            return self._entry.is_file(follow_symlinks=follow_symlinks)
+
+        def stat(self) -> os.stat_result:
+            if self.path.endswith("f1"):
+                raise FileNotFoundError(self.path)
+            return real(self._entry)
+
+    class Entries:
+        def __init__(self, folder: Path) -> None:
+            self._scan = scan(folder)
+
+        def __enter__(self) -> list[Entry]:
+            return [Entry(entry) for entry in self._scan]
+
+        def __exit__(self, *_: object) -> None:
+            self._scan.close()
+
+    monkeypatch.setattr(os, "scandir", Entries)
+    compiled_code.shrink(tmp_path, 0)
+    assert sorted(path.name for path in tmp_path.glob("f*")) == ["f1"]
+
+
 def test_it_is_not_the_users(monkeypatch: pytest.MonkeyPatch, compiled_code_cache: Path) -> None:
     assert os.environ["YASPS_CACHE"] == str(compiled_code_cache) == str(compiled_code.folder())
     monkeypatch.delenv("YASPS_TEST_CACHE", raising=False)

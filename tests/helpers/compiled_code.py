@@ -26,7 +26,14 @@ def shrink(folder: Path, most_bytes: int = MOST_BYTES) -> None:
     """Deletes the oldest files until the folder holds at most so many bytes; what is less than an hour old stays."""
     if not folder.is_dir():
         return
-    files = [(entry.stat(), entry.path) for entry in os.scandir(folder) if entry.is_file(follow_symlinks=False)]
+    files = []
+    with os.scandir(folder) as entries:
+        for entry in entries:
+            try:
+                if entry.is_file(follow_symlinks=False):
+                    files.append((entry.stat(), entry.path))
+            except FileNotFoundError:  # another run was faster: its temporary file has its name now, or it shrinks too
+                continue
     total = sum(stat.st_size for stat, _ in files)
     newest = time.time() - _IN_USE
     for stat, path in sorted(files, key=lambda file: file[0].st_mtime):
