@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -15,8 +16,10 @@ CUBE = box((0.1, 0.1, 0.1), (1, 1, 1))
 SURFACE = TriangleMesh(CUBE.vertices, CUBE.surface_triangles())
 
 
-def test_a_body_from_a_closed_surface() -> None:
+def test_a_body_from_a_closed_surface(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
     body = SoftBody(Scene("s"), "cube", SURFACE)
+    assert list(tmp_path.iterdir()) == []  # fTetWild leaves a file behind
     assert body.mass.value.sum() == pytest.approx(1.0, rel=5e-3)  # 1000 kg/m^3
     low, high = body.rest.min(axis=0), body.rest.max(axis=0)
     np.testing.assert_allclose([low, high], [[-0.05] * 3, [0.05] * 3], atol=2e-4)  # 1/1000 of the diagonal

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib
+from pathlib import Path
 
 import numpy as np
 
@@ -19,6 +20,9 @@ from yasps.meshes.tetrahedral_mesh import (
 
 ENVELOPE = 1e-3
 """How far the new surface may lie from the given one, in diagonals of the box around it (fTetWild's default)."""
+
+LEFTOVER = Path("__tracked_surface.stl")
+"""What fTetWild leaves in the working folder."""
 
 
 def tetrahedralize(surface: TriangleMesh, edge_length: float | None = None) -> TetrahedralMesh:
@@ -52,6 +56,8 @@ def tetrahedralize(surface: TriangleMesh, edge_length: float | None = None) -> T
         )
     except (RuntimeError, ValueError) as error:
         raise MeshError(f"pytetwild could not mesh the surface: {error}") from error
+    finally:
+        LEFTOVER.unlink(missing_ok=True)
     if len(tets) == 0:
         raise MeshError("pytetwild found no inside: does the surface cross itself?")
     tets, _ = flip_inverted_tets(points, tets)
