@@ -1,1 +1,1 @@
-"""Scalar IR to C++ text, and the programs made of it; the NumPy interpreter."""
+"""Scalar IR to C++ and CUDA text, and the programs made of it; the NumPy interpreter."""

@@ -1,1 +1,1 @@
-"""What users import: scenes, materials, contact, stepping, input and output."""
+"""The language, what runs a scene, and the commands; users import its public names from `yasps`."""

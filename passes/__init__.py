@@ -1,1 +1,1 @@
-"""Compiler passes, one module each; `pipeline` lists them in order."""
+"""Compiler passes, one module each in `transforms`, and what they rest on; `pipeline` lists them in order."""

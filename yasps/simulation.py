@@ -93,7 +93,7 @@ class Simulation:
         self._has_contact = contact
         self._given = (activation_distance, contact_stiffness, settings)
         self._predicted: dict[Body, Attribute] = {}
-        self._fields: list[tuple[Body, ForceField, Attribute]] = []
+        self._fields: list[tuple[Body, ForceField, str]] = []
         self._unions = self._pins = 0
         self.contact: BarrierContact | None = None
         if not time_step > 0:
@@ -302,7 +302,7 @@ class Simulation:
         load = materials.dead_load(body.position, holder)
         body.add_energy(body.vertices.add_attribute(f"{name}_load", computed_attribute=load))
         if callable(force):
-            self._fields.append((body, force, holder))
+            self._fields.append((body, force, name))
         return holder
 
     def _forces(self, body: Body, force: ArrayLike | ForceField, name: str) -> Float64Array:
@@ -339,8 +339,8 @@ class Simulation:
         for call in self.before_step:
             call(self)
         before = self.state()
-        for body, field, holder in self._fields:
-            holder.update_value(self._forces(body, field, holder.name or ""))
+        for body, field, name in self._fields:
+            body.vertices[name].update_value(self._forces(body, field, name))
         try:
             report = self.stepper.step()
         except YaspsError as error:

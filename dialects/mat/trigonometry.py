@@ -93,17 +93,17 @@ class HypotOp(MatOp):
             return cast(Batch, np.sqrt(x * x + y * y))
         return cast(Batch, np.hypot(np.asarray(x, float), np.asarray(y, float)))
 
-    def pushforward(self, b: MatBuilder, tangents: Sequence[SSAValue | None]) -> SSAValue | None:
-        x, y = self.operands
+    def _partials(self, b: MatBuilder) -> list[SSAValue]:
+        """x / h and y / h."""
         inverse = b.power(self.result, -1.0)
-        dx, dy = tangents
-        by_x, by_y = b.hadamard(x, inverse), b.hadamard(y, inverse)
-        return b.total((dx and b.hadamard(by_x, dx), dy and b.hadamard(by_y, dy)))
+        return [b.hadamard(leg, inverse) for leg in self.operands]
+
+    def pushforward(self, b: MatBuilder, tangents: Sequence[SSAValue | None]) -> SSAValue | None:
+        pairs = zip(self._partials(b), tangents, strict=True)
+        return b.total([tangent and b.hadamard(partial, tangent) for partial, tangent in pairs])
 
     def pullback(self, b: MatBuilder, cotangent: SSAValue) -> Sequence[SSAValue | None]:
-        x, y = self.operands
-        inverse = b.power(self.result, -1.0)
-        return (b.hadamard(b.hadamard(x, inverse), cotangent), b.hadamard(b.hadamard(y, inverse), cotangent))
+        return [b.hadamard(partial, cotangent) for partial in self._partials(b)]
 
     def lower(self, s: ScalarGraph, *inputs: Sequence[Node]) -> list[Node]:
         return [_hypot_node(s, x, y) for x, y in zip(*inputs, strict=True)]

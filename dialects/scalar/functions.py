@@ -149,5 +149,3 @@ FUNCTIONS = (
     ),
 )  # fmt: skip
 """In the order in which documents list them."""
-
-BY_NAME = {function.name: function for function in FUNCTIONS}

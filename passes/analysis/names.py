@@ -12,7 +12,7 @@ from xdsl.dialects.builtin import SymbolRefAttr
 from xdsl.ir import SSAValue
 
 from yasps.dialects.mat import MatOp, shape_of
-from yasps.dialects.mat.base import constant_value, is_identity, is_zero
+from yasps.dialects.mat.base import Batch, constant_value, is_identity, is_zero
 from yasps.dialects.mat.structure import BlockOp, ConstantOp, IdentityOp, ReshapeOp
 from yasps.dialects.rel import DataOp, JoinOp, ReadOp, RefOp, TargetIndexOp, UnionOp, name_of
 
@@ -63,7 +63,7 @@ def _read_name(op: ReadOp) -> str:
 def _constant_name(value: SSAValue) -> str | None:
     if shape_of(value) != (1, 1):
         return "zero" if is_zero(value) else "identity" if is_identity(value) else None
-    (number,) = cast("list[float]", constant_value(value).ravel().tolist())  # type: ignore[union-attr]
+    number = cast(Batch, constant_value(value)).item()
     if number != int(number if abs(number) < 100 else 0):
         return "half" if number == 0.5 else None
     return f"c{int(number)}" if number >= 0 else f"cm{int(-number)}"

@@ -11,8 +11,8 @@ from xdsl.ir import Block, SSAValue
 
 from yasps.dialects.mat import Batch, MatOp, Shape, matrix_type
 from yasps.dialects.mat.comparison import is_less, is_less_equal, maximum, minimum
+from yasps.dialects.mat.elementwise import TABLED
 from yasps.dialects.mat.structure import ConstantOp, IdentityOp
-from yasps.dialects.scalar.functions import BY_NAME
 from yasps.dialects.scalar.graph import Node, ScalarGraph
 
 
@@ -80,7 +80,7 @@ def run_graph(
         elif kind in binary:
             values[node] = binary[kind](*operands)
         else:
-            values[node] = (np.abs if kind == "abs" else BY_NAME[kind].evaluate)(*operands)
+            values[node] = (np.abs if kind == "abs" else TABLED[kind].FUNCTION.evaluate)(*operands)
     return [values[node] for node in outputs]
 
 
