@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from yasps import Attribute, FloatArray, IntersectionError, Mesh, Primitive, PrimitiveBase, PrimitiveUnion, SceneError
-from yasps.contact.active_set import ActiveSet, MollifiedPairs, Pairs
+from yasps.contact.active_set import ActiveSet, Pairs
 from yasps.contact.collision_geometry import Candidates, CollisionGeometry
 from yasps.contact.kinds import KINDS
 from yasps.contact.surface_arguments import checked_points
@@ -89,7 +89,7 @@ class BarrierContact(InScene):
         projection: str = "clamp",
     ) -> None:
         stiffness = positive_number(stiffness, "contact stiffness", "J/m^4", SceneError)
-        for name in ("squared_reach", "stiffness", *KINDS):
+        for name in ("squared_reach", "stiffness", "at_rest", *KINDS):
             mesh.check_child_name(name, "a part of contact")
         self.position = vertices["position"]
         if self.position.shape != (3, 1):
@@ -97,8 +97,9 @@ class BarrierContact(InScene):
         self._lock = mesh.scene.lock
         positions = self.positions()
         objects = _members_of(vertices) if objects is None else objects
+        rest = positions if rest_positions is None else checked_points(rest_positions, "rest_positions", len(positions))
         self.geometry = CollisionGeometry(
-            positions if rest_positions is None else checked_points(rest_positions, "rest_positions", len(positions)),
+            rest,
             triangles,
             activation_distance,
             edges=edges,
@@ -111,6 +112,8 @@ class BarrierContact(InScene):
         _announce_loose_vertices(self.geometry, objects)
         reach = mesh.add_constant("squared_reach", 1, 1, value=activation_distance**2)
         kappa = mesh.add_constant("stiffness", 1, 1, value=stiffness)
+        at_rest = mesh.add_primitive("at_rest", len(rest))
+        rest_position = at_rest.add_constant("position", 3, 1, value=rest)
         self.primitives: dict[str, Primitive] = {}
         for name, kind in KINDS.items():
             primitive = mesh.add_primitive(name, 0, is_dynamic=True)
@@ -119,8 +122,11 @@ class BarrierContact(InScene):
             weight = primitive.add_constant("weight", 1, 1)
             energy = weight * barrier(kind.squared_distance(x), reach, kappa)
             if kind.edges is not None:
-                threshold = primitive.add_constant("threshold", 1, 1)
+                same = primitive.add_connectivity("at_rest", at_rest, [], kind.arity)
+                x0 = primitive.add_attribute("rest_positions", through=same, source=rest_position)
                 (a, b), (c, d) = kind.edges
+                first, second = x0.row(b) - x0.row(a), x0.row(d) - x0.row(c)
+                threshold = 1e-3 * first.dot(first) * second.dot(second)
                 energy = energy * mollifier(x.row(b) - x.row(a), x.row(d) - x.row(c), threshold)
             mesh.scene.add_energy(primitive.add_attribute("barrier", computed_attribute=energy), projection=projection)
             self.primitives[name] = primitive
@@ -218,8 +224,8 @@ class BarrierContact(InScene):
                 continue
             self._given[name] = pairs
             parts = {"vertices": pairs.vertices, "weight": pairs.weight}
-            if isinstance(pairs, MollifiedPairs):
-                parts["threshold"] = pairs.threshold
+            if KINDS[name].edges is not None:
+                parts["at_rest"] = pairs.vertices
             self.primitives[name].update(**parts)
 
 
