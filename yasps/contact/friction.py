@@ -8,6 +8,7 @@ the beginning of the step.
 from __future__ import annotations
 
 from yasps import Attribute, constant, maximum, select
+from yasps.contact.kinds import Kind
 
 KINETIC_FROM = 10.0
 """Slip, in slip lengths, from which on friction is kinetic."""
@@ -38,13 +39,13 @@ def sliding_distance(slip: Attribute, slip_length: Attribute, static: Attribute,
     return static * smoothed_distance(slip, slip_length) - (static - kinetic) * (width * lost)
 
 
-def slip_of(way: Attribute, weights: Attribute, tangents: Attribute) -> Attribute:
-    """The slip, 2x1 [m]: how far the second piece moved along the first, in the tangent basis, 3x2.
+def slip_of(kind: Kind, way: Attribute, lagged: Attribute) -> Attribute:
+    """The slip of a pair, 2x1 [m]: how far its second piece has come along the first, in the lagged tangent basis.
 
-    way: how far the vertices of a pair came since the beginning of the step, arity x 3 [m]. weights: of its closest
-    points (see `Kind`).
+    way: how far each of its vertices has come since the beginning of the step, arity x 3 [m]. lagged: the corners of
+    the pair when it was lagged. Linear in the way, so that Hessians of friction are projected as 2x2 matrices.
     """
-    return tangents.T * (way.T * weights)
+    return kind.tangents(lagged).T * (way.T * kind.weights(lagged))
 
 
 def log_normal_force(

@@ -272,4 +272,11 @@ MUTATIONS = (
         "2 * strength * gap",
         (f"{SLIPS}::test_normal_force_of_the_papers_barrier",),
     ),
+    Mutation(
+        "friction of the sum of both ways instead of their difference",
+        FRICTION,
+        "kind.tangents(lagged).T * (way.T * kind.weights(lagged))",
+        "kind.tangents(lagged).T * (way.T * kind.weights(lagged).abs())",
+        ("tests/contact/test_friction_pairs.py::test_friction_of_pairs",),
+    ),
 )
