@@ -18,7 +18,7 @@ from numpy.typing import ArrayLike
 
 from yasps import Attribute, Primitive, Scene, SceneError, ShapeMismatchError, YaspsError, materials
 from yasps.bodies import Body
-from yasps.contact import BarrierContact
+from yasps.contact import BarrierContact, check_start
 from yasps.frontend.language.arrays import real_numbers
 from yasps.meshes.tetrahedral_mesh import Float64Array
 from yasps.output import FrameProgress, TimeTable
@@ -98,9 +98,11 @@ class Simulation:
         self.contact: BarrierContact | None = None
         if not time_step > 0:
             raise SceneError(f"time_step must be positive, got {time_step} s")
+        self._check(bodies)
+        if contact:
+            check_start(bodies)
         self.time_step = scene.add_constant("time_step", 1, 1, value=time_step)
         self.gravity = scene.add_constant("gravity", 3, 1, value=gravity)
-        self._check(bodies)
         for body in bodies:
             self._take(body)
         self._connect({})
@@ -121,6 +123,8 @@ class Simulation:
         Raises SceneError, IntersectionError; nothing is added then.
         """
         self._check([*self.bodies, *bodies])
+        if self._has_contact:
+            check_start([*self.bodies, *bodies])
         before = self._motion()
         for body in bodies:
             self._take(body)

@@ -4,6 +4,8 @@ from yasps.contact.active_set import ActiveSet, MollifiedPairs, Pairs
 from yasps.contact.barrier_contact import KINDS, BarrierContact, barrier, mollifier
 from yasps.contact.collision_geometry import Candidates, CollisionGeometry, narrowest_gap
 from yasps.contact.distances import squared_line_line, squared_point_line, squared_point_plane, squared_point_point
+from yasps.contact.separation import Separation, separate
+from yasps.contact.start_state import Flipped, Overlap, StartState, Touching, check_start, start_state
 
 __all__ = [
     "KINDS",
@@ -11,13 +13,21 @@ __all__ = [
     "BarrierContact",
     "Candidates",
     "CollisionGeometry",
+    "Flipped",
     "MollifiedPairs",
+    "Overlap",
     "Pairs",
+    "Separation",
+    "StartState",
+    "Touching",
     "barrier",
+    "check_start",
     "mollifier",
     "narrowest_gap",
+    "separate",
     "squared_line_line",
     "squared_point_line",
     "squared_point_plane",
     "squared_point_point",
+    "start_state",
 ]

@@ -129,6 +129,11 @@ class CollisionGeometry(Uncopied):
         """Raise IntersectionError, naming number and first of the crossings, if surfaces cross or touch."""
         self._require_no_crossing(self._of_mesh(self._checked(positions, "positions")), "positions")
 
+    def crossings(self, positions: ArrayLike) -> tuple[Ids, Ids]:
+        """All edges that meet triangles at `positions` [n, 3] (touching counts): their ends [k, 2], and the numbers [k]
+        of the triangles. Slow where there are many."""
+        return self._crossings(self._of_mesh(self._checked(positions, "positions")))
+
     # --- pairs ---
 
     def candidates(
@@ -312,16 +317,16 @@ class CollisionGeometry(Uncopied):
     def _require_no_crossing(self, surface: Floats, name: str) -> None:
         if not self._crosses(surface):
             return
-        crossings = self._crossings(surface)
-        edge, face = crossings[0]
+        edges, triangles = self._crossings(surface)
+        face = self._full_id[self._faces[triangles[0]]]
         raise IntersectionError(
-            f"{name}: {len(crossings)} edges cross or touch triangles; first: edge ({self._names(edge)})"
-            f" and triangle ({self._names(face)}). Move the objects apart (contact needs a positive distance"
+            f"{name}: {len(edges)} edges cross or touch triangles; first: edge ({self._names(edges[0].tolist())})"
+            f" and triangle ({self._names(face.tolist())}). Move the objects apart (contact needs a positive distance"
             " everywhere), or put objects that may overlap into one group"
         )
 
-    def _crossings(self, surface: Floats) -> list[tuple[list[int], list[int]]]:
-        """All (edge, triangle) pairs that meet, as sorted vertex ids; slow, for messages only."""
+    def _crossings(self, surface: Floats) -> tuple[Ids, Ids]:
+        """All edges [k, 2] and triangle numbers [k] that meet, sorted; slow, for messages only."""
         boxes = ipctk.LBVH()
         boxes.can_vertices_collide = self._mesh.can_collide
         size = float(np.linalg.norm(np.ptp(surface, axis=0)))
@@ -330,8 +335,9 @@ class CollisionGeometry(Uncopied):
         for pair in boxes.detect_edge_face_candidates():
             edge, face = self._edges[pair.edge_id], self._faces[pair.face_id]
             if ipctk.is_edge_intersecting_triangle(*surface[edge], *surface[face]):
-                found.append((self._full_id[edge].tolist(), self._full_id[face].tolist()))
-        return sorted(found)
+                found.append((*self._full_id[edge].tolist(), pair.face_id))
+        table = np.array(sorted(found), np.int32).reshape(-1, 3)
+        return table[:, :2], table[:, 2]
 
     def _raise_touching(self, touching: ActiveSet, rounding: float) -> Never:
         kind, pairs = next((kind, pairs) for kind, pairs in touching.kinds().items() if len(pairs) > 0)
