@@ -10,8 +10,7 @@ Li et al. 2020; paper, section 4.6.3 and eq. 8. Distances enter squared.
 from __future__ import annotations
 
 import logging
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from collections.abc import Mapping
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -19,7 +18,7 @@ from numpy.typing import ArrayLike
 from yasps import Attribute, FloatArray, IntersectionError, Mesh, Primitive, PrimitiveBase, PrimitiveUnion, SceneError
 from yasps.contact.active_set import ActiveSet, MollifiedPairs, Pairs
 from yasps.contact.collision_geometry import Candidates, CollisionGeometry
-from yasps.contact.distances import squared_line_line, squared_point_line, squared_point_plane, squared_point_point
+from yasps.contact.kinds import KINDS
 from yasps.contact.surface_arguments import checked_points
 from yasps.frontend.language.arrays import positive_number
 from yasps.frontend.language.in_scene import InScene
@@ -51,26 +50,6 @@ def mollifier(first: Attribute, second: Attribute, threshold: Attribute) -> Attr
 MARGIN = 0.25
 """Ways that leave another by less than this many activation distances share its candidates: a larger margin saves
 searches, but brings more pairs to measure at every trial step."""
-
-
-@dataclass(frozen=True)
-class _Kind:
-    """One kind of close pair: how many vertices, their distance, and for mollified edges which vertices they join."""
-
-    arity: int
-    squared_distance: Callable[[Attribute], Attribute]
-    edges: tuple[tuple[int, int], tuple[int, int]] | None = None
-
-
-KINDS: dict[str, _Kind] = {
-    "point_point": _Kind(2, squared_point_point),
-    "point_edge": _Kind(3, squared_point_line),
-    "point_triangle": _Kind(4, squared_point_plane),
-    "edge_edge": _Kind(4, squared_line_line),
-    "mollified_edge_edge": _Kind(4, squared_line_line, ((0, 1), (2, 3))),
-    "mollified_point_edge": _Kind(4, squared_point_line, ((0, 3), (1, 2))),
-    "mollified_point_point": _Kind(4, squared_point_point, ((0, 2), (1, 3))),
-}
 
 
 class BarrierContact(InScene):
