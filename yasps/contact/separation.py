@@ -17,7 +17,9 @@ from scipy.sparse.linalg import splu
 
 from yasps import IntersectionError, SceneError
 from yasps.contact.active_set import Floats, Ids
-from yasps.contact.solid_geometry import closest_pairs, shortest_exits
+from yasps.contact.kinds import KINDS
+from yasps.contact.pair_forces import closest_points
+from yasps.contact.solid_geometry import shortest_exits
 from yasps.contact.start_state import StartBody, Surfaces
 from yasps.frontend.language.arrays import positive_number
 
@@ -208,12 +210,15 @@ class _Inequalities:
         active = surfaces.geometry_for(gap).active_set(surfaces.positions)
         found = bool(crossings)
         for name, pairs in active.kinds().items():
-            vertices, weights, direction, distance = closest_pairs(name, pairs.vertices, surfaces.positions)
-            owners = np.sort(surfaces.body_of(vertices[:, [0, -1]]), axis=1)
+            vertices = pairs.vertices
+            points = closest_points(name, surfaces.positions[vertices])
+            distance = np.linalg.norm(points.way, axis=1)
+            direction = -points.way / np.maximum(distance, 1e-300)[:, None]
+            owners = np.sort(surfaces.body_of(vertices[:, list(KINDS[name].sides)]), axis=1)
             crossing = np.array([tuple(pair) in crossings for pair in owners.tolist()], bool)
             chosen = (owners[:, 0] != owners[:, 1]) & ~crossing & (distance > 0)
             found = found or bool(((owners[:, 0] != owners[:, 1]) | (distance <= surfaces.touching)).any())
-            self._add(vertices[chosen], weights[chosen], direction[chosen], gap)
+            self._add(vertices[chosen], -points.weights[chosen], direction[chosen], gap)
         return found
 
     def _add(self, vertices: ArrayLike, weights: ArrayLike, directions: ArrayLike, gap: float) -> None:

@@ -99,38 +99,3 @@ def shortest_exits(edges: Floats, triangles: Floats) -> tuple[Floats, Floats]:
 def _chunks(points: int, triangles: int) -> list[slice]:
     size = max(1, _AT_ONCE // max(triangles, 1))
     return [slice(k, k + size) for k in range(0, points, size)]
-
-
-def closest_pairs(
-    kind: str, vertices: NDArray[np.int32], positions: Floats
-) -> tuple[NDArray[np.int32], Floats, Floats, Floats]:
-    """Of close pairs of a kind of the active set: vertices, first piece first; weights g [k, vertices], such that the
-    sum of g_i x_i leads from the nearest place of the second piece to that of the first; the unit vector of that,
-    [k, 3]; and its length [k]."""
-    vertices = vertices[:, : 2 if kind == "mollified_point_point" else 3 if kind == "mollified_point_edge" else None]
-    x = positions[vertices]
-    if kind.endswith("edge_edge"):
-        first, second, offset = x[:, 1] - x[:, 0], x[:, 3] - x[:, 2], x[:, 2] - x[:, 0]
-        a, b, c = (np.einsum("kd,kd->k", p, q) for p, q in ((first, first), (first, second), (second, second)))
-        d, e = np.einsum("kd,kd->k", first, offset), np.einsum("kd,kd->k", second, offset)
-        determinant = a * c - b * b
-        s, t = (d * c - e * b) / determinant, (d * b - e * a) / determinant
-        weights = np.stack([1 - s, s, t - 1, -t], axis=1)
-    elif kind == "point_triangle":
-        corners = x[:, 1:]
-        normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-        squared = np.einsum("kd,kd->k", normal, normal)
-        shares = [
-            np.einsum("kd,kd->k", np.cross(corners[:, j] - corners[:, i], x[:, 0] - corners[:, i]), normal) / squared
-            for i, j in ((1, 2), (2, 0), (0, 1))
-        ]
-        weights = np.stack([np.ones(len(x)), *(-share for share in shares)], axis=1)
-    elif kind.endswith("point_edge"):
-        side = x[:, 2] - x[:, 1]
-        t = np.einsum("kd,kd->k", x[:, 0] - x[:, 1], side) / np.einsum("kd,kd->k", side, side)
-        weights = np.stack([np.ones(len(x)), t - 1, -t], axis=1)
-    else:
-        weights = np.tile([1.0, -1.0], (len(x), 1))
-    way = np.einsum("kv,kvd->kd", weights, x)
-    length = np.linalg.norm(way, axis=1)
-    return vertices, weights, way / np.maximum(length, 1e-300)[:, None], length

@@ -23,7 +23,8 @@ from scipy import sparse
 from yasps import Attribute, IntersectionError
 from yasps.contact.active_set import Floats, Ids
 from yasps.contact.collision_geometry import CollisionGeometry
-from yasps.contact.solid_geometry import closest_on_triangles, closest_pairs, shortest_exits, winding_numbers
+from yasps.contact.pair_forces import closest_points
+from yasps.contact.solid_geometry import closest_on_triangles, shortest_exits, winding_numbers
 
 LOGGER = logging.getLogger("yasps")
 SHOWN = 8
@@ -318,8 +319,9 @@ class Surfaces:
         nearest: dict[tuple[int, int], Touching] = {}
         active = self.geometry.active_set(self.positions)
         for kind, pairs in active.kinds().items():
-            close, _, _, distances = closest_pairs(kind, pairs.vertices, self.positions)
-            for vertices, distance in zip(close, distances.tolist(), strict=True):
+            points = closest_points(kind, self.positions[pairs.vertices])
+            distances = np.linalg.norm(points.way, axis=1)
+            for vertices, distance in zip(pairs.vertices, distances.tolist(), strict=True):
                 owners = np.unique(self.body_of(vertices))
                 pair = (int(owners[0]), int(owners[-1]))
                 if pair in crossing or (pair in nearest and nearest[pair].distance <= distance):
