@@ -3,6 +3,7 @@
 from yasps.contact.active_set import ActiveSet, MollifiedPairs, Pairs
 from yasps.contact.barrier_contact import BarrierContact, barrier, mollifier
 from yasps.contact.collision_geometry import Candidates, CollisionGeometry, narrowest_gap
+from yasps.contact.contact_forces import ContactForces, ContactPairs, contact_forces
 from yasps.contact.distances import squared_line_line, squared_point_line, squared_point_plane, squared_point_point
 from yasps.contact.kinds import KINDS, Kind
 from yasps.contact.separation import Separation, separate
@@ -14,6 +15,8 @@ __all__ = [
     "BarrierContact",
     "Candidates",
     "CollisionGeometry",
+    "ContactForces",
+    "ContactPairs",
     "Flipped",
     "Kind",
     "MollifiedPairs",
@@ -24,6 +27,7 @@ __all__ = [
     "Touching",
     "barrier",
     "check_start",
+    "contact_forces",
     "mollifier",
     "narrowest_gap",
     "separate",

@@ -115,6 +115,18 @@ class CollisionGeometry(Uncopied):
             np.full(self.vertex_count, -1, np.int32) if labels is None else labels,
         )
 
+    @property
+    def objects(self) -> dict[str, int]:
+        """Name -> number of vertices, in the order of the scene; one without a name if none were given."""
+        return {name: end - first for name, first, end in self._objects} or {"": self.vertex_count}
+
+    def rest_areas(self) -> Floats:
+        """A third of the area of the triangles around each vertex at rest [m^2], [n]."""
+        corners = self._full_id[self._faces]
+        x = self._rest[corners]
+        areas = np.linalg.norm(np.cross(x[:, 1] - x[:, 0], x[:, 2] - x[:, 0]), axis=1) / 6
+        return np.bincount(corners.ravel(), np.repeat(areas, 3), minlength=self.vertex_count).astype(np.float64)
+
     # --- intersections ---
 
     def has_intersections(self, positions: ArrayLike) -> bool:
