@@ -340,7 +340,16 @@ class CompiledScene(InScene, ABC):
         Raises NotFiniteError that names the energy and the instance.
         """
         self.update_structure()
+        return self._gradient_of(self._derived_terms(), hessian=hessian, project=project)
+
+    @one_thread_at_a_time
+    def gradients(self) -> dict[str, FloatArray]:
+        """Of each energy that has derivatives now, by path, the gradient of all targets, end to end."""
+        self.update_structure()
         terms = self._derived_terms()
+        return {term.symbol: self._gradient_of([term], hessian=False, project=False) for term in terms}
+
+    def _gradient_of(self, terms: Sequence[Term], *, hessian: bool, project: bool) -> FloatArray:
         gradient, first_bad = self._derive(terms, hessian=hessian, project=project)
         for term, instance in zip(terms, first_bad, strict=True):
             if instance is not None:

@@ -9,6 +9,7 @@ from yasps.stepping.newton import (
     minimize,
     positions_of,
 )
+from yasps.stepping.step_report import StepReport, step_report
 
 __all__ = [
     "BackwardEuler",
@@ -16,6 +17,8 @@ __all__ = [
     "MovingPart",
     "NewtonReport",
     "NewtonSettings",
+    "StepReport",
     "minimize",
     "positions_of",
+    "step_report",
 ]
