@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from pathlib import Path
 
 import numpy as np
@@ -13,7 +14,7 @@ from yasps.examples import card_house, dominoes, masonry_arch
 def test_the_stones_of_the_arch_are_as_far_apart_as_they_say() -> None:
     stones = masonry_arch.arch_stones(9)
     assert all((stone.volumes() > 0).all() for stone in stones)
-    for left, right in zip(stones[:-1], stones[1:], strict=True):
+    for left, right in itertools.pairwise(stones):
         joint, other = left.vertices[4:], right.vertices[:4]  # box counts along the arch first
         np.testing.assert_allclose(np.linalg.norm(joint - other, axis=1), masonry_arch.GAP, rtol=1e-9)
     feet = np.concatenate([stones[0].vertices[:4], stones[-1].vertices[4:]])
