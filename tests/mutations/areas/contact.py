@@ -13,6 +13,8 @@ MOTION = "tests/contact/test_collision_motion.py"
 KEPT = (f"{MOTION}::test_kept_candidates_find_what_ipctk_finds_anew",)
 SAFE = (f"{MOTION}::test_step_bounds_are_ipctks_and_safe", f"{GEOMETRY}::test_step_bound_stops_before_the_ground")
 DISTANCES = "yasps/contact/distances.py"
+WHERE = "yasps/contact/kinds.py"
+CLOSEST = ("tests/contact/test_kinds.py::test_closest_points_and_tangent_planes",)
 CODE, PAIRS, NEAR = (
     "yasps/contact/barrier_contact.py",
     "runtime/collision/close_pairs.cpp",
@@ -43,16 +45,16 @@ MUTATIONS = (
     ),
     Mutation(
         "mollified point-point with the wrong other ends",
-        CODE,
-        "squared_point_point, ((0, 2), (1, 3))",
-        "squared_point_point, ((0, 3), (1, 2))",
+        WHERE,
+        "_point_point_normal, (0, 1), ((0, 2), (1, 3))",
+        "_point_point_normal, (0, 1), ((0, 3), (1, 2))",
         IPCTK,
     ),
     Mutation(
         "mollified point-edge with the wrong edges",
-        CODE,
-        "squared_point_line, ((0, 3), (1, 2))",
-        "squared_point_line, ((0, 1), (2, 3))",
+        WHERE,
+        "_point_line_normal, (0, 1), ((0, 3), (1, 2))",
+        "_point_line_normal, (0, 1), ((0, 1), (2, 3))",
         IPCTK,
     ),
     Mutation(
@@ -194,5 +196,42 @@ MUTATIONS = (
         "if (is_same(task) && near[n] <= left + i) continue;",
         "if (is_same(task) && near[n] <= left + i + 1) continue;",
         POTENTIAL,
+    ),
+    Mutation(
+        "the weights of a triangle's corners change places",
+        WHERE,
+        "[constant(-1.0), 1 - u - v, u, v]",
+        "[constant(-1.0), 1 - u - v, v, u]",
+        CLOSEST,
+    ),
+    Mutation(
+        "the closest point of a first edge is measured from its end",
+        WHERE,
+        "s, t = offset.cross(second).dot(normal) / area, offset.cross(first).dot(normal) / area\n"
+        "    return concat_rows([s - 1, -s, 1 - t, t])",
+        "s, t = offset.cross(second).dot(normal) / area, offset.cross(first).dot(normal) / area\n"
+        "    return concat_rows([-s, s - 1, 1 - t, t])",
+        CLOSEST,
+    ),
+    Mutation(
+        "closest points of nearly parallel edges are not projected back",
+        WHERE,
+        "s = _within(_along(x.row(2) + t * second, x.row(0), x.row(1)))",
+        "s = 1 * s",
+        CLOSEST,
+    ),
+    Mutation(
+        "a tangent basis that is orthonormal for normals of length 1 only",
+        WHERE,
+        "x, y, z = normal / normal.norm()",
+        "x, y, z = normal",
+        CLOSEST,
+    ),
+    Mutation(
+        "the normal of nearly parallel edges is the vector product of both",
+        WHERE,
+        "return (x.row(2) - x.row(0) + s * first + t * second).T",
+        "return first.cross(second).T",
+        CLOSEST,
     ),
 )
