@@ -47,6 +47,7 @@ def resting(
     scene = Scene("resting", threads=1)
     start = shape.translated((0.0, 0.0, 0.9 * distance))
     body = AffineBody(scene, "block", start, density=DENSITY, youngs_modulus=1e8)
+    keep_from_drifting(body)
     below: Body
     if on == "half-space":
         below = HalfSpace(scene, "below")
@@ -70,6 +71,13 @@ def resting(
         if still == 3:
             return simulation, body, left
     raise AssertionError("it does not come to rest")
+
+
+def keep_from_drifting(body: Body) -> None:
+    """Weak springs that hold the vertices aside, as there is no friction."""
+    place = body.vertices.add_constant("held_at", 3, 1, value=body.positions())
+    aside = (body.position - place).block(0, 0, 2, 1)
+    body.add_energy(body.vertices.add_attribute("held", computed_attribute=50.0 * aside.dot(aside)))
 
 
 def relative_gaps(simulation: Simulation, body: Body, shape: TetrahedralMesh) -> np.ndarray:
@@ -112,6 +120,20 @@ def test_gap_over_distance_is_a_function_of_the_pressure_alone(ratio: float) -> 
         assert np.ptp(of_meshes) < 1e-2 * np.mean(of_meshes)
 
 
+@pytest.mark.nightly
+@pytest.mark.parametrize(("on", "pressures"), [("triangles", 2.0), ("block", 1.0)])
+def test_the_gap_on_other_surfaces(on: str, pressures: float) -> None:
+    """On a fixed block of another mesh it is that on a half-space: half of the integral is over each of both surfaces.
+    On two triangles far larger than the block no vertex of theirs is near: half of it is missing, and the other half
+    bears twice the pressure."""
+    shape = MESHES["uneven 4 x 4"]
+    simulation, body, _ = resting(shape, ratio=0.1, on=on)
+    areas = point_areas(shape)[lower_areas(shape) > 0]
+    found = float(areas @ relative_gaps(simulation, body, shape) / areas.sum())
+    print(f"on {on}: gap / d_hat {found:.5f}")
+    assert found == pytest.approx(relative_gap(pressures * WEIGHT / areas.sum(), 10 * PRESSURE), rel=1e-3)
+
+
 @pytest.mark.parametrize(
     "on", ["half-space", *(pytest.param(k, marks=pytest.mark.nightly) for k in ("triangles", "block"))]
 )
@@ -143,9 +165,7 @@ def pressed(upper: TetrahedralMesh, lower: TetrahedralMesh | None, *, pressure: 
             continue
         placed = shape.translated((0.0, 0.0, height))
         body = SoftBody(scene, name, placed, density=DENSITY, youngs_modulus=1e6, poisson_ratio=0.0)
-        # Nothing else keeps them from drifting aside.
-        aside = (body.position - body.vertices["rest_position"]).block(0, 0, 2, 1)
-        body.add_energy(body.vertices.add_attribute("held", computed_attribute=50.0 * aside.dot(aside)))
+        keep_from_drifting(body)
         bodies.append(body)
         height = placed.vertices[:, 2].max() + 0.9 * distance
     simulation = Simulation(
