@@ -19,11 +19,11 @@ from numpy.typing import ArrayLike
 
 from yasps import Attribute, Primitive, Scene, SceneError, ShapeMismatchError, YaspsError, materials
 from yasps.bodies import Body, HalfSpace
-from yasps.contact import BarrierContact, ContactTable
+from yasps.contact import BarrierContact, ContactForces, ContactTable, check_start, contact_forces
 from yasps.frontend.language.arrays import real_numbers
 from yasps.meshes.tetrahedral_mesh import Float64Array
 from yasps.output import FrameProgress, TimeTable
-from yasps.stepping import BackwardEuler, MovingPart, NewtonReport, NewtonSettings
+from yasps.stepping import BackwardEuler, MovingPart, NewtonReport, NewtonSettings, StepReport, step_report
 
 PIN_STIFFNESS = 1e3
 """Stiffness of a pin, in masses of its body over the squared time step: a body that hangs on one sinks by
@@ -102,6 +102,7 @@ class Simulation:
         self.after_step: list[Callable[[Simulation], None]] = []
         self.times = times or TimeTable()
         self.frame = 0
+        self._last: NewtonReport | None = None
         self._has_contact = contact
         self._given = (activation_distance, settings)
         self._contact_options = _ContactOptions(contacts or ContactTable(), barrier, contact_stiffness)
@@ -111,9 +112,11 @@ class Simulation:
         self.contact: BarrierContact | None = None
         if not time_step > 0:
             raise SceneError(f"time_step must be positive, got {time_step} s")
+        self._check(bodies)
+        if contact:
+            check_start(bodies)
         self.time_step = scene.add_constant("time_step", 1, 1, value=time_step)
         self.gravity = scene.add_constant("gravity", 3, 1, value=gravity)
-        self._check(bodies)
         for body in bodies:
             self._take(body)
         self._connect({})
@@ -134,6 +137,8 @@ class Simulation:
         Raises SceneError, IntersectionError; nothing is added then.
         """
         self._check([*self.bodies, *bodies])
+        if self._has_contact:
+            check_start([*self.bodies, *bodies])
         before = self._motion()
         for body in bodies:
             self._take(body)
@@ -379,6 +384,7 @@ class Simulation:
             )
             raise
         self.frame += 1
+        self._last = report
         for call in self.after_step:
             call(self)
         return report
@@ -415,6 +421,38 @@ class Simulation:
         if self.contact is not None:
             with self.times.stage("check: no intersection"):
                 self.contact.geometry.check_intersection_free(self.contact.positions())
+
+    # -- what is there now ---------------------------------------------------------------------------------
+
+    def contact_forces(self) -> ContactForces:
+        """Forces, gaps and energies of contact at the present state, for pairs, vertices and bodies.
+
+        Bodies are numbered as in `bodies`, but half-spaces come last. Raises SceneError without contact.
+        """
+        if self.contact is None:
+            raise SceneError("this simulation was made with contact=False")
+        bodies = [body for body in self.bodies if len(body.rest)]
+        masses = [np.zeros(len(b.rest)) if b.is_fixed else np.asarray(b.mass.value) for b in bodies]
+        return contact_forces(self.contact, np.concatenate(masses))
+
+    def forces_by_term(self) -> dict[str, dict[str, Float64Array]]:
+        """Path of an energy -> path of a target -> minus the energy's gradient there, [instances, 3] in N for a 3x1
+        target in metres, else [instances, rows, columns]. These are the generalised forces of reduced coordinates."""
+        compiled = self.scene.compile()
+        return {
+            path: {
+                target.path: -part.reshape(-1, *(target.shape if target.shape[1] > 1 else target.shape[:1]))
+                for target, part in zip(compiled.targets, compiled.split(gradient), strict=True)
+            }
+            for path, gradient in compiled.gradients().items()
+        }
+
+    def report(self) -> StepReport:
+        """The present state in numbers: energies, momentum, contact, and what the last step took. All of it is computed
+        by this call; steps pay nothing for it."""
+        forces = None if self.contact is None else self.contact_forces()
+        reach = self.activation_distance
+        return step_report(self.scene, self.stepper, frame=self.frame, newton=self._last, forces=forces, reach=reach)
 
     # -- state ---------------------------------------------------------------------------------------------
 

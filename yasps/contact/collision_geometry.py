@@ -123,6 +123,18 @@ class CollisionGeometry(Uncopied):
             np.full(self.vertex_count, -1, np.int32) if labels is None else labels,
         )
 
+    @property
+    def objects(self) -> dict[str, int]:
+        """Name -> number of vertices, in the order of the scene; one without a name if none were given."""
+        return {name: end - first for name, first, end in self._objects} or {"": self.vertex_count}
+
+    def rest_areas(self) -> Floats:
+        """A third of the area of the triangles around each vertex at rest [m^2], [n]."""
+        corners = self._full_id[self._faces]
+        x = self._rest[corners]
+        areas = np.linalg.norm(np.cross(x[:, 1] - x[:, 0], x[:, 2] - x[:, 0]), axis=1) / 6
+        return np.bincount(corners.ravel(), np.repeat(areas, 3), minlength=self.vertex_count).astype(np.float64)
+
     # --- intersections ---
 
     def has_intersections(self, positions: ArrayLike) -> bool:
@@ -136,6 +148,11 @@ class CollisionGeometry(Uncopied):
     def check_intersection_free(self, positions: ArrayLike) -> None:
         """Raise IntersectionError, naming number and first of the crossings, if surfaces cross or touch."""
         self._require_no_crossing(self._of_mesh(self._checked(positions, "positions")), "positions")
+
+    def crossings(self, positions: ArrayLike) -> tuple[Ids, Ids]:
+        """All edges that meet triangles at `positions` [n, 3] (touching counts): their ends [k, 2], and the numbers [k]
+        of the triangles. Slow where there are many."""
+        return self._crossings(self._of_mesh(self._checked(positions, "positions")))
 
     # --- pairs ---
 
@@ -320,16 +337,16 @@ class CollisionGeometry(Uncopied):
     def _require_no_crossing(self, surface: Floats, name: str) -> None:
         if not self._crosses(surface):
             return
-        crossings = self._crossings(surface)
-        edge, face = crossings[0]
+        edges, triangles = self._crossings(surface)
+        face = self._full_id[self._faces[triangles[0]]]
         raise IntersectionError(
-            f"{name}: {len(crossings)} edges cross or touch triangles; first: edge ({self._names(edge)})"
-            f" and triangle ({self._names(face)}). Move the objects apart (contact needs a positive distance"
+            f"{name}: {len(edges)} edges cross or touch triangles; first: edge ({self._names(edges[0].tolist())})"
+            f" and triangle ({self._names(face.tolist())}). Move the objects apart (contact needs a positive distance"
             " everywhere), or put objects that may overlap into one group"
         )
 
-    def _crossings(self, surface: Floats) -> list[tuple[list[int], list[int]]]:
-        """All (edge, triangle) pairs that meet, as sorted vertex ids; slow, for messages only."""
+    def _crossings(self, surface: Floats) -> tuple[Ids, Ids]:
+        """All edges [k, 2] and triangle numbers [k] that meet, sorted; slow, for messages only."""
         boxes = ipctk.LBVH()
         boxes.can_vertices_collide = self._mesh.can_collide
         size = float(np.linalg.norm(np.ptp(surface, axis=0)))
@@ -338,8 +355,9 @@ class CollisionGeometry(Uncopied):
         for pair in boxes.detect_edge_face_candidates():
             edge, face = self._edges[pair.edge_id], self._faces[pair.face_id]
             if ipctk.is_edge_intersecting_triangle(*surface[edge], *surface[face]):
-                found.append((self._full_id[edge].tolist(), self._full_id[face].tolist()))
-        return sorted(found)
+                found.append((*self._full_id[edge].tolist(), pair.face_id))
+        table = np.array(sorted(found), np.int32).reshape(-1, 3)
+        return table[:, :2], table[:, 2]
 
     def _raise_touching(self, touching: ActiveSet, rounding: float) -> Never:
         kind, pairs = next((kind, pairs) for kind, pairs in touching.kinds().items() if len(pairs) > 0)

@@ -1,0 +1,275 @@
+"""What contact does at the present state: forces, energies and gaps of each close pair, as arrays, and sums of them.
+
+All numbers are of the energies that the solver minimises: the same pairs, weights, laws and radii. Forces are minus
+their derivatives by positions of vertices, whatever parameterises these (see `yasps.contact.pair_forces`).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from yasps.contact.active_set import Floats, Ids
+from yasps.contact.barrier_contact import BarrierContact
+from yasps.contact.kinds import KINDS
+from yasps.contact.pair_forces import barrier_slopes, closest_points, mollifiers
+
+FIRST_PIECE: dict[str, tuple[bool, ...]] = {
+    "point_point": (True, False),
+    "point_edge": (True, False, False),
+    "point_triangle": (True, False, False, False),
+    "edge_edge": (True, True, False, False),
+    "mollified_edge_edge": (True, True, False, False),
+    "mollified_point_edge": (True, False, False, True),
+    "mollified_point_point": (True, False, True, False),
+    "half_space": (True,),
+}
+"""Which vertices of a kind are of its first piece."""
+
+
+@dataclass(frozen=True)
+class ContactPairs:
+    """Pairs that push or rub, m of them; a pair of a vertex and a half-space has one vertex."""
+
+    kind: NDArray[np.str_]
+    """[m], as in `ActiveSet`."""
+    vertices: Ids
+    """[m, 4] of the scene; -1 where there are fewer."""
+    bodies: Ids
+    """[m, 2]: numbers of the bodies of the first and of the second piece."""
+    point: Floats
+    """[m, 3] [m]: half-way between the closest points."""
+    normal: Floats
+    """[m, 3]: unit vector from the second piece to the first."""
+    gap: Floats
+    """[m]: distance less the radii [m]."""
+    energy: Floats
+    """[m] [J]."""
+    forces: Floats
+    """[m, 4, 3]: force on each vertex [N]; 0 where there is none."""
+    on_first: Floats
+    """[m, 3]: force on the first piece [N]. The second piece gets the opposite."""
+
+    def __len__(self) -> int:
+        return len(self.gap)
+
+    @property
+    def normal_force(self) -> Floats:
+        """[m]: force on the first piece along the normal [N]; negative for pairs of negative weight."""
+        return np.asarray((self.on_first * self.normal).sum(axis=1), np.float64)
+
+
+@dataclass(frozen=True)
+class ContactForces:
+    """Forces of contact at one state. Bodies are numbered as in `names`; half-spaces come last."""
+
+    names: tuple[str, ...]
+    body_of: Ids
+    """[n]: the body of each vertex."""
+    positions: Floats
+    """[n, 3] of all vertices [m]."""
+    areas: Floats
+    """[n]: surface area at rest that each vertex stands for [m^2]; 0 inside bodies."""
+    masses: Floats
+    """[n]: of each vertex [kg]; 0 where nothing moves it or nobody said."""
+    normal: ContactPairs
+    """The barrier's pairs."""
+    friction: ContactPairs
+    """The pairs that rub: those that were near when friction was lagged, at the places they had then."""
+
+    def number_of(self, name: str) -> int:
+        """The number of a body. Raises KeyError for names of none."""
+        if name not in self.names:
+            raise KeyError(f"{name!r} is no body of this contact; there are {', '.join(map(repr, self.names))}")
+        return self.names.index(name)
+
+    def on_vertices(self, part: str = "both") -> Floats:
+        """Force on each vertex [N], [n, 3]. part: "normal", "friction" or "both"."""
+        found = np.zeros((len(self.body_of), 3))
+        for pairs in self._parts(part):
+            there = pairs.vertices >= 0
+            np.add.at(found, pairs.vertices[there], pairs.forces[there])
+        return found
+
+    def between_bodies(self, part: str = "both") -> Floats:
+        """Force on body i by body j [N], [bodies, bodies, 3]: [i, j] is minus [j, i]; on the diagonal, what a body does
+        to itself, which is 0."""
+        count = len(self.names)
+        found = np.zeros((count, count, 3))
+        for pairs in self._parts(part):
+            first, second = pairs.bodies.T
+            others = first != second
+            sign = np.where(first < second, 1.0, -1.0)[:, None]
+            smaller, larger = np.minimum(first, second), np.maximum(first, second)
+            np.add.at(found, (smaller[others], larger[others]), (sign * pairs.on_first)[others])
+        return np.asarray(found - found.transpose(1, 0, 2), np.float64)
+
+    def on_bodies(self, part: str = "both") -> Floats:
+        """Sum of the forces on each body [N], [bodies, 3]."""
+        return np.asarray(self.between_bodies(part).sum(axis=1), np.float64)
+
+    def centres(self) -> Floats:
+        """Centres of mass [m], [bodies, 3]; without mass the middle of the vertices, of half-spaces the
+        origin."""
+        count = len(self.names)
+        mass = np.bincount(self.body_of, self.masses, minlength=count)
+        weights = np.where(mass[self.body_of] > 0, self.masses, 1.0)
+        total = np.bincount(self.body_of, weights, minlength=count)
+        sums = [np.bincount(self.body_of, weights * x, minlength=count) for x in self.positions.T]
+        return np.asarray(np.stack(sums, axis=1) / np.maximum(total, 1e-300)[:, None], np.float64)
+
+    def torques(self, about: Floats | None = None, part: str = "both") -> Floats:
+        """Sum of the torques on each body [N m], [bodies, 3], about its centre of mass, or about points of one's own,
+        [bodies, 3]."""
+        about = self.centres() if about is None else np.broadcast_to(about, (len(self.names), 3))
+        found = np.zeros((len(self.names), 3))
+        for pairs in self._parts(part):
+            there = pairs.vertices >= 0
+            ids, forces = pairs.vertices[there], pairs.forces[there]
+            owners = self.body_of[ids]
+            np.add.at(found, owners, np.cross(self.positions[ids] - about[owners], forces))
+            of_space = pairs.kind == "half_space"
+            owners = pairs.bodies[of_space, 1]
+            arms = self.positions[pairs.vertices[of_space, 0]] - about[owners]
+            np.add.at(found, owners, np.cross(arms, -pairs.on_first[of_space]))
+        return found
+
+    def pressures(self) -> Floats:
+        """Size of the normal force on each vertex over its area [Pa], [n]; 0 where it has no area."""
+        size = np.linalg.norm(self.on_vertices("normal"), axis=1)
+        return np.asarray(np.divide(size, self.areas, out=np.zeros_like(size), where=self.areas > 0), np.float64)
+
+    def _parts(self, part: str) -> list[ContactPairs]:
+        parts = {"normal": [self.normal], "friction": [self.friction], "both": [self.normal, self.friction]}
+        if part not in parts:
+            raise ValueError(f"part is one of {', '.join(map(repr, parts))}, got {part!r}")
+        return parts[part]
+
+
+def contact_forces(contact: BarrierContact, masses: Floats | None = None) -> ContactForces:
+    """What contact does at the present positions; masses: of all vertices [kg], [n], for centres of mass. Nothing is
+    compiled for it, and nothing changed."""
+    contact.update()
+    positions = contact.positions()
+    objects = contact.geometry.objects
+    names = tuple(objects)
+    body_of = np.repeat(np.arange(len(names), dtype=np.int32), list(objects.values()))
+    found = [
+        _pairs_of(_Entries.of(contact, name, positions), positions, body_of)
+        for name, pairs in contact.active.kinds().items()
+        if len(pairs)
+    ]
+    return ContactForces(
+        names=names,
+        body_of=body_of,
+        positions=positions,
+        areas=contact.geometry.rest_areas(),
+        masses=np.zeros(len(positions)) if masses is None else masses,
+        normal=_joined(found),
+        friction=_joined([]),
+    )
+
+
+@dataclass(frozen=True)
+class _Entries:
+    """Numbers of all pairs of one kind, n of them."""
+
+    kind: str
+    vertices: Ids
+    """[n, arity]"""
+    corners: Floats
+    """[n, rows, 3]: positions of the vertices; for a half-space, the vertex, normal and a point of the plane."""
+    weight: Floats
+    scale: Floats
+    """What multiplies the barrier besides the weight."""
+    reach: float
+    barrier: str
+    radii: Floats
+    """[n, arity] [m], share included."""
+    threshold: Floats
+    second_body: Ids | None = None
+    """[n] for half-spaces."""
+
+    @staticmethod
+    def of(contact: BarrierContact, name: str, positions: Floats) -> _Entries:
+        """Those of a kind of the contact's active set."""
+        pairs = contact.active.kinds()[name]
+        primitive = contact.primitives[name]
+        count = len(pairs)
+        stiffness = primitive.mesh["stiffness"].value
+        return _Entries(
+            name,
+            pairs.vertices,
+            positions[pairs.vertices],
+            pairs.weight,
+            np.full(count, float(stiffness[0])),
+            contact.geometry.activation_distance,
+            "paper",
+            np.zeros(pairs.vertices.shape),
+            getattr(pairs, "threshold", np.ones(count)),
+        )
+
+
+def _pairs_of(entries: _Entries, positions: Floats, body_of: Ids) -> ContactPairs:
+    """Forces of the pairs of one kind."""
+    name, x = entries.kind, entries.corners
+    count, arity = entries.vertices.shape
+    points = closest_points(name, x)
+    offset = (np.abs(points.weights) * entries.radii).sum(axis=1)
+    distance = np.linalg.norm(points.way, axis=1)
+    excess, activation = distance**2 - offset**2, entries.reach * (entries.reach + 2 * offset)
+    energy, by_excess, by_activation = barrier_slopes(entries.barrier, excess, activation, entries.scale)
+    slopes = 2 * by_excess[:, None, None] * points.weights[:, :, None] * points.way[:, None]
+    if entries.radii.any():
+        of_offset = points.offset_slopes(entries.radii)
+        slopes += (2 * entries.reach * by_activation - 2 * offset * by_excess)[:, None, None] * of_offset
+    on_second = slopes[:, ~np.array(FIRST_PIECE[name])].sum(axis=1) if arity > 1 else -slopes[:, 0]
+    edges = KINDS[name].edges if name in KINDS else None
+    if edges is not None:
+        share, of_share = mollifiers(edges, x, entries.threshold)
+        slopes = share[:, None, None] * slopes + energy[:, None, None] * of_share
+        on_second, energy = share[:, None] * on_second, share * energy
+    weight = entries.weight[:, None]
+    forces = np.zeros((count, 4, 3))
+    forces[:, :arity] = -weight[:, :, None] * slopes
+    vertices = np.full((count, 4), -1, np.int32)
+    vertices[:, :arity] = entries.vertices
+    first = np.array(FIRST_PIECE[name])
+    sides = KINDS[name].sides if name in KINDS else (0, 0)
+    bodies = body_of[entries.vertices[:, sides]].astype(np.int32)
+    if entries.second_body is not None:
+        bodies[:, 1] = entries.second_body
+    # Weights of the second piece sum to 1: half the way back from there is the middle.
+    beyond = np.where(first, 0.0, points.weights)
+    foot = np.einsum("na,nad->nd", beyond, x[:, :arity]) if arity > 1 else x[:, 0] + points.way
+    return ContactPairs(
+        kind=np.full(count, name),
+        vertices=vertices,
+        bodies=bodies,
+        point=foot - 0.5 * points.way,
+        normal=-points.way / distance[:, None],
+        gap=distance - offset,
+        energy=entries.weight * energy,
+        forces=forces,
+        on_first=weight * on_second,
+    )
+
+
+def _joined(parts: list[ContactPairs]) -> ContactPairs:
+    """All pairs in one."""
+    empty = ContactPairs(
+        np.empty(0, "<U21"),
+        np.empty((0, 4), np.int32),
+        np.empty((0, 2), np.int32),
+        np.empty((0, 3)),
+        np.empty((0, 3)),
+        np.empty(0),
+        np.empty(0),
+        np.empty((0, 4, 3)),
+        np.empty((0, 3)),
+    )
+    return ContactPairs(
+        **{name: np.concatenate([getattr(part, name) for part in (empty, *parts)]) for name in vars(empty)}
+    )
