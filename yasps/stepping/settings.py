@@ -76,6 +76,8 @@ class NewtonReport:
     energies at the accepted state. It bounds what any force read there can be wrong by."""
     largest_force: float = np.nan
     """Largest force of any one energy on any one vertex there [N]."""
+    substeps: int = 1
+    """Into how many parts the time step was cut (see `Simulation`)."""
 
     @property
     def relative_residual_force(self) -> float:
