@@ -225,6 +225,7 @@ class Simulation:
             settings=settings
             or NewtonSettings(velocity_tolerance=min(2e-3, 0.1 * activation_distance / time_step), max_iterations=500),
             times=self.times,
+            arms={target: arm for body in self.moving for target, arm in body.arms.items()},
         )
         for body, velocity in velocities.items():
             if body in self.bodies:
