@@ -17,7 +17,9 @@ from yasps.runtime.core.uncopied import Uncopied
 
 KINDS = 7
 """Kinds of close pairs, in the order of `Kind` in close_pairs.cpp."""
-_RECORD = np.dtype([("kind", "i4"), ("vertices", "i4", (4,)), ("unused", "i4"), ("weight", "f8"), ("threshold", "f8")])
+_ENTRY = np.dtype(
+    [("kind", "i4"), ("vertices", "i4", (4,)), ("edges", "i4", (2,)), ("counts", "i4", (2,)), ("weight", "i4")]
+)
 _SEARCHES_PER_ORDER = 16
 """How many searches use one order of the trees: a better one costs as much as a few searches in a bad one."""
 _FEW = 256
@@ -37,12 +39,16 @@ class SurfacePairs:
 
 @dataclass(frozen=True)
 class ClosePairs:
-    """Pairs of one kind, sorted by their vertices. vertices: int32 [n, 4], 0 in places that the kind does not use.
-    weight, threshold: float64 [n]; see `ActiveSet` in yasps/contact/active_set.py."""
+    """Pairs of one kind, sorted by their vertices and edges; see `ActiveSet` in yasps/contact/active_set.py.
+
+    vertices: int32 [n, 4], 0 in places that the kind does not use. weight: int32 [n], how many pairs. counts, edges:
+    int32 [n, 2], 0 without improved max.
+    """
 
     vertices: IntArray
-    weight: FloatArray
-    threshold: FloatArray
+    weight: IntArray
+    counts: IntArray
+    edges: IntArray
 
 
 class Surface(Uncopied):
@@ -53,6 +59,7 @@ class Surface(Uncopied):
     ) -> None:
         """Take int32 vertex ids [v], [e, 2], [t, 3], and a label for each vertex of the scene, int32 [n].
 
+        Edges have their lower end first and are in lexicographic order.
         Pieces whose vertices all have the same label >= 0 do not meet other such pieces with that label.
         """
         self._runtime = runtime
@@ -72,6 +79,11 @@ class Surface(Uncopied):
             raise MemoryError("no memory for the trees of a surface")
         self._handle: int = handle
         weakref.finalize(self, runtime.library.yasps_surface_free, handle)
+        close_set = runtime.library.yasps_close_set_new(own[0].ctypes.data, len(own[0]), len(labels))
+        if not close_set:
+            raise MemoryError("no memory for the close pairs of a surface")
+        self._close_set: int = close_set
+        weakref.finalize(self, runtime.library.yasps_close_set_free, close_set)
 
     def find(self, start: FloatArray, end: FloatArray, reach: float) -> SurfacePairs:
         """All pairs without a common vertex that may come within `reach` on the straight way; and some that do not."""
@@ -103,30 +115,35 @@ class Surface(Uncopied):
         return distance.value
 
     def close_pairs(
-        self, positions: FloatArray, rest: FloatArray, reach: float, pairs: SurfacePairs
+        self, positions: FloatArray, rest: FloatArray, reach: float, pairs: SurfacePairs, improved_max: bool = False
     ) -> tuple[list[ClosePairs], float]:
         """Those of the pairs that are closer than `reach`, one entry for each kind, and the least distance.
 
         rest: positions whose edge lengths say where edges count as parallel. Equal entries come once, with their
-        number as weight.
+        number as weight. With improved max those of edge pairs each come alone, those of vertices and triangles with
+        the counts that are left.
         """
-        found = np.empty(len(pairs), _RECORD)
         ends = (ctypes.c_long * KINDS)()
         squared = ctypes.c_double()
-        self._runtime.library.yasps_close_pairs(
+        library = self._runtime.library
+        status = library.yasps_close_set_find(
+            self._close_set,
             positions.ctypes.data,
             rest.ctypes.data,
             reach,
+            int(improved_max),
             *_addresses(pairs),
-            found.ctypes.data,
             ends,
             ctypes.addressof(squared),
         )
+        check_status(status)
+        found = np.empty(ends[-1], _ENTRY)
+        library.yasps_close_set_copy(self._close_set, found.ctypes.data)
         kinds = []
         begin = 0
         for end in ends:
             part = found[begin:end]
-            kinds.append(ClosePairs(part["vertices"], part["weight"].copy(), part["threshold"].copy()))
+            kinds.append(ClosePairs(*(part[name] for name in ("vertices", "weight", "counts", "edges"))))
             begin = end
         return kinds, float(np.sqrt(squared.value))
 

@@ -26,12 +26,12 @@ def test_active_set_reproduces_ipctk_barrier_potential(name: str) -> None:
     collisions.build(mesh, x, dhat, broad_phase=ipctk.BruteForce())
     oracle = ipctk.BarrierPotential(ipctk.ClampedLogSqBarrier(), dhat, 1.0)
     assert len(active) == len(collisions) > 0
-    assert potential(active, points.astype(np.complex128), dhat).real == pytest.approx(
+    assert potential(active, points.astype(np.complex128), points, dhat).real == pytest.approx(
         oracle(collisions, mesh, x), rel=1e-12
     )
 
     direction = np.random.default_rng(1).standard_normal(points.shape)
-    slope = potential(active, np.asarray(points + 1e-30j * direction, np.complex128), dhat).imag / 1e-30
+    slope = potential(active, np.asarray(points + 1e-30j * direction, np.complex128), points, dhat).imag / 1e-30
     gradient = oracle.gradient(collisions, mesh, x)
     scale = float(np.linalg.norm(gradient) * np.linalg.norm(direction))
     assert slope == pytest.approx(gradient @ direction.ravel(), abs=1e-12 * scale)
@@ -80,13 +80,15 @@ def test_ids_are_the_scenes_and_interior_vertices_take_no_part() -> None:
 
 
 def test_threshold_comes_from_rest_lengths() -> None:
-    rods = np.array([[0.0, 0, 0], [2, 0, 0], [0, 0, 1], [3, 0, 1]])
-    geometry = CollisionGeometry(rods, np.empty((0, 3)), 0.1, edges=[[0, 1], [2, 3]])
-    now = np.array([[0.0, 0, 0], [1, 0, 0], [0.5, 0, 0.05], [0.6, 1e-3, 0.05]])
-    active = geometry.active_set(now)
-    assert active.mollified_point_edge.vertices.tolist() == [[2, 0, 1, 3]]
-    assert active.mollified_point_edge.threshold == pytest.approx([1e-3 * 4 * 9])
-    assert len(active) == 1
+    """Edges that cross at 0.06 now, of which the first is half as long as at rest: |u x v|^2 = 1e-3 * 3.6."""
+    rods = np.array([[0.0, 0, 0], [2, 0, 0], [0, 0, 1], [1, 0, 1]])
+    now = np.array([[0.0, 0, 0], [1, 0, 0], [0, -0.03, 0.05], [1, 0.03, 0.05]])
+    kinds = []
+    for length in (1.85, 1.95):
+        rods[1, 0] = length
+        active = CollisionGeometry(rods, np.empty((0, 3)), 0.1, edges=[[0, 1], [2, 3]]).active_set(now)
+        kinds.append([kind for kind, pairs in active.kinds().items() if len(pairs) > 0])
+    assert kinds == [["edge_edge"], ["mollified_edge_edge"]]
 
 
 def test_fixed_vertices_and_groups_never_meet_themselves() -> None:

@@ -62,7 +62,7 @@ def test_kept_candidates_find_what_ipctk_finds_anew(name: str, kind: str) -> Non
             expected = ipctk.NormalCollisions()
             expected.build(mesh, there, dhat, broad_phase=ipctk.BruteForce())
             assert len(active) == len(expected)
-            here = potential(active, there.astype(np.complex128), dhat).real
+            here = potential(active, there.astype(np.complex128), points, dhat).real
             assert here == pytest.approx(barrier(expected, mesh, there), rel=1e-11)
             if len(active) > 0:
                 nearest = np.sqrt(expected.compute_minimum_distance(mesh, there))

@@ -55,6 +55,7 @@ def contact_scene(free: Floats, faces: NDArray[np.int32], dhat: float) -> tuple[
         points,
         np.concatenate([faces, len(free) + np.array([[0, 1, 2]])]),
         activation_distance=dhat,
+        barrier="paper",
         stiffness=STIFFNESS,
         projection="none",
         fixed=np.arange(points.num_instances) >= len(free),
@@ -152,7 +153,9 @@ def test_groups_and_fixed_vertices_meet_all_others() -> None:
         mesh = scene.add_mesh("mesh")
         vertices = mesh.add_primitive("vertices", len(points))
         vertices.add_attribute("position", 3, 1, value=points)
-        contact = BarrierContact(mesh, vertices, faces, activation_distance=0.07, stiffness=1.0, **filters)
+        contact = BarrierContact(
+            mesh, vertices, faces, activation_distance=0.07, barrier="paper", stiffness=1.0, **filters
+        )
         return {
             tuple(sorted(set(owner[row].tolist())))
             for pairs in contact.active.kinds().values()

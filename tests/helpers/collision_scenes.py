@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from yasps.contact import ActiveSet, MollifiedPairs
+from yasps.contact import ActiveSet
 
 Floats = NDArray[np.float64]
 Mesh = tuple[Floats, NDArray[np.int32]]
@@ -90,17 +90,23 @@ EDGES_OF_KIND = {
 }
 
 
-def potential(active: ActiveSet, x: NDArray[np.complex128], dhat: float) -> complex:
-    """IPC barrier potential of unit stiffness with the barrier of eq. 8 of the yasps paper."""
+def potential(active: ActiveSet, x: NDArray[np.complex128], rest: Floats, dhat: float) -> complex:
+    """IPC barrier potential of unit stiffness with the barrier of eq. 8 of the yasps paper.
+
+    rest: [n, 3], for its mollifiers.
+    """
+    at_rest = rest.astype(np.complex128)
     total = 0j
     for kind, pairs in active.kinds().items():
         points = x[pairs.vertices]
         d = distances(kind, points)
         energy = (d - dhat**2) ** 2 * np.log(d / dhat**2) ** 2
-        if isinstance(pairs, MollifiedPairs):
+        if kind in EDGES_OF_KIND:
             a0, a1, b0, b1 = EDGES_OF_KIND[kind]
             cross = squared(np.cross(points[:, a1] - points[:, a0], points[:, b1] - points[:, b0]))
-            ratio = cross / pairs.threshold
+            still = at_rest[pairs.vertices]
+            threshold = 1e-3 * squared(still[:, a1] - still[:, a0]) * squared(still[:, b1] - still[:, b0])
+            ratio = cross / threshold
             energy = energy * ratio * (2 - ratio)
         total += complex(np.sum(pairs.weight * energy))
     return total

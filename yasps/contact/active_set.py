@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,12 +16,21 @@ Ids = NDArray[np.int32]
 
 @dataclass(frozen=True)
 class Pairs:
-    """Close pairs that share one distance formula, in lexicographic order of their vertex ids."""
+    """Close pairs that share one distance formula, in lexicographic order of their vertex ids, then of their edges.
+
+    `counts` and `edges` are for improved max and 0 without it.
+    """
 
     vertices: Ids
     """[n, arity] vertex ids of the scene, in the order the formula needs."""
     weight: Floats
-    """[n]: how many surface pairs share the entry; multiplies its barrier."""
+    """[n]: how many surface pairs share the entry; multiplies its barrier where there is no improved max."""
+    counts: Ids
+    """[n, 2]: how often the areas of vertices 0 and 1 count, for pairs of a vertex and triangles; perhaps negative."""
+    edges: Ids
+    """[n, 2]: rows of `CollisionGeometry.edges`, for pairs of edges; their number for all others."""
+    share: Floats
+    """[n], in (0, 1]: a factor on the offset by the radii; below 1 for pairs that are near already at rest."""
 
     def __len__(self) -> int:
         return len(self.weight)
@@ -33,11 +42,18 @@ class Pairs:
 
 
 @dataclass(frozen=True)
-class MollifiedPairs(Pairs):
-    """Nearly parallel edge pairs: the barrier is multiplied by the mollifier of both edges."""
+class PlanePairs(Pairs):
+    """Vertices near half-spaces, sorted by half-space and vertex."""
 
-    threshold: Floats
-    """[n]: the mollifier is below 1 where |u x v|^2 < threshold; 1e-3 |U|^2 |V|^2 of the rest edges."""
+    planes: Ids
+    """[n]: the number of the half-space."""
+
+    @classmethod
+    def of(cls, vertices: Ids, planes: Ids) -> PlanePairs:
+        """Pairs of vertices and planes, [n] each."""
+        count = len(planes)
+        none = np.zeros((count, 2), np.int32)
+        return cls(vertices.reshape(-1, 1), np.ones(count), none, none, np.ones(count), planes)
 
 
 @dataclass(frozen=True)
@@ -46,8 +62,11 @@ class ActiveSet:
 
     The IPC barrier potential (Li et al. 2020, section 4 and its supplement) is the sum over all entries of
     weight * mollifier * b(D): D is the squared distance named at each field, b the barrier. The mollifier is
-    (c/e) (2 - c/e), with c = |u x v|^2 for the vectors u, v of both edges and e the entry's `threshold`;
-    fields that are plain `Pairs` have none (that is, 1).
+    (c/e) (2 - c/e), with c = |u x v|^2 for the vectors u, v of both edges and e = 1e-3 |U|^2 |V|^2 of the same edges at
+    rest; fields that do not name edges (0, 1) and the like have none (that is, 1).
+
+    With improved max (Li et al. 2023, arXiv 2307.15908) an entry's weight is a sum of areas of vertices, each as often
+    as `counts` says, or, for each pair of edges alone, of these edges.
     """
 
     point_point: Pairs
@@ -58,18 +77,24 @@ class ActiveSet:
     """Vertex; corners of the triangle. Distance of point and plane."""
     edge_edge: Pairs
     """Ends of edge a; ends of edge b. Distance of two lines; mollifier exactly 1."""
-    mollified_edge_edge: MollifiedPairs
+    mollified_edge_edge: Pairs
     """Edges (0, 1) and (2, 3). Distance of two lines."""
-    mollified_point_edge: MollifiedPairs
+    mollified_point_edge: Pairs
     """Edges (0, 3) and (1, 2). Distance of point 0 and the line (1, 2)."""
-    mollified_point_point: MollifiedPairs
+    mollified_point_point: Pairs
     """Edges (0, 2) and (1, 3). Distance of the points 0 and 1."""
     minimum_distance: float
     """Smallest distance of all pairs above; infinity when there are none."""
+    half_space: PlanePairs | None = None
+    """Vertices near half-spaces, if there are half-spaces. Distance of point and plane."""
 
     def kinds(self) -> dict[str, Pairs]:
         """Every array of pairs by its field's name."""
         return {name: value for name, value in vars(self).items() if isinstance(value, Pairs)}
+
+    def with_half_spaces(self, pairs: PlanePairs, least: float) -> ActiveSet:
+        """The same with these vertices near half-spaces, the nearest of them at the distance `least`."""
+        return replace(self, half_space=pairs, minimum_distance=min(self.minimum_distance, least))
 
     def __len__(self) -> int:
         """Number of entries, one with a weight above 1 counted once."""
@@ -78,22 +103,15 @@ class ActiveSet:
 
 def active_set_of(kinds: Sequence[ClosePairs], minimum_distance: float) -> ActiveSet:
     """The active set of the runtime's close pairs, which come in the order of its fields."""
-    point_point, point_edge, point_triangle, edge_edge, mollified_edges, mollified_point_edge, mollified_points = kinds
-    return ActiveSet(
-        point_point=_plain(point_point, 2),
-        point_edge=_plain(point_edge, 3),
-        point_triangle=_plain(point_triangle, 4),
-        edge_edge=_plain(edge_edge, 4),
-        mollified_edge_edge=_mollified(mollified_edges),
-        mollified_point_edge=_mollified(mollified_point_edge),
-        mollified_point_point=_mollified(mollified_points),
-        minimum_distance=minimum_distance,
+    arities = (2, 3, 4, 4, 4, 4, 4)
+    return ActiveSet(*(_pairs(*kind) for kind in zip(kinds, arities, strict=True)), minimum_distance)
+
+
+def _pairs(pairs: ClosePairs, arity: int) -> Pairs:
+    return Pairs(
+        np.ascontiguousarray(pairs.vertices[:, :arity]),
+        pairs.weight.astype(np.float64),
+        np.ascontiguousarray(pairs.counts),
+        np.ascontiguousarray(pairs.edges),
+        np.ones(len(pairs.weight)),
     )
-
-
-def _plain(pairs: ClosePairs, arity: int) -> Pairs:
-    return Pairs(np.ascontiguousarray(pairs.vertices[:, :arity]), pairs.weight)
-
-
-def _mollified(pairs: ClosePairs) -> MollifiedPairs:
-    return MollifiedPairs(np.ascontiguousarray(pairs.vertices), pairs.weight, pairs.threshold)

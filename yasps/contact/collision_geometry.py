@@ -69,6 +69,7 @@ class CollisionGeometry(Uncopied):
         fixed: ArrayLike | None = None,
         group: ArrayLike | None = None,
         objects: Mapping[str, int] | None = None,
+        improved_max: bool = False,
         runtime: Runtime | None = None,
     ) -> None:
         """Take the scene's surface.
@@ -78,10 +79,13 @@ class CollisionGeometry(Uncopied):
         active. `edges` [k, 2]: further edges, of rods and curves; their ends meet triangles, and they meet all
         edges. `fixed` [n] bool: vertices that no energy moves; no pair of only fixed vertices is reported. `group`
         [n] int: no pair inside one group is reported; negative means no group. `objects`: name -> number of
-        vertices, in the order of the union, for messages. `runtime`: loaded if not given.
+        vertices, in the order of the union, for messages. `improved_max`: entries of the active set have counts and
+        edges; a vertex counts at all triangles near it as often as at its nearest alone, once. `runtime`: loaded if
+        not given.
 
         Vertices in no triangle and no edge take no part: the inside of tetrahedral meshes, but also loose points,
-        which would go through everything. `taking_part` says which do.
+        which would go through everything. `taking_part` says which do; `edges` [k, 2] (each once, its lower end
+        first, in lexicographic order) and `triangles` [m, 3] are what they are in.
 
         Raises DataError, ConnectivityError for ids, SceneError for a group that holds both fixed and free vertices.
         """
@@ -105,13 +109,17 @@ class CollisionGeometry(Uncopied):
         if labels is not None:
             self._mesh.can_collide = ipctk.make_vertex_patches_filter(labels[full_id])
         self._rest = rest
+        self._improved_max = improved_max
         self.taking_part = np.zeros(self.vertex_count, np.bool_)
         self.taking_part[self._full_id] = True
+        self.edges: Ids = np.ascontiguousarray(self._full_id[self._edges])
+        self.triangles: Ids = np.ascontiguousarray(self._full_id[self._faces])
+        self.edges.flags.writeable = self.triangles.flags.writeable = False
         self._surface = Surface(
             runtime or load_runtime(find_compiler()),
             self._full_id,
-            self._full_id[self._edges],
-            self._full_id[self._faces],
+            self.edges,
+            self.triangles,
             np.full(self.vertex_count, -1, np.int32) if labels is None else labels,
         )
 
@@ -198,7 +206,7 @@ class CollisionGeometry(Uncopied):
                 f" activation distance {self.activation_distance:g}: leave it out in candidates()"
             )
         there = self._on_way(positions, "positions", candidates)
-        return self._distances(self.activation_distance, there, candidates.pairs)
+        return self._distances(self.activation_distance, there, candidates.pairs, self._improved_max)
 
     # --- continuous collision detection ---
 
@@ -319,9 +327,9 @@ class CollisionGeometry(Uncopied):
             )
         return full
 
-    def _distances(self, reach: float, positions: Floats, pairs: SurfacePairs) -> ActiveSet:
+    def _distances(self, reach: float, positions: Floats, pairs: SurfacePairs, improved_max: bool = False) -> ActiveSet:
         """Those of the pairs that are closer than `reach`."""
-        return active_set_of(*self._surface.close_pairs(positions, self._rest, reach, pairs))
+        return active_set_of(*self._surface.close_pairs(positions, self._rest, reach, pairs, improved_max))
 
     def _crosses(self, surface: Floats) -> bool:
         return bool(ipctk.has_intersections(self._mesh, surface, ipctk.LBVH()))

@@ -11,22 +11,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from yasps.contact.active_set import Floats, Ids
+from yasps.contact.active_set import Floats, Ids, PlanePairs
 from yasps.contact.barrier_contact import BarrierContact
-from yasps.contact.kinds import KINDS
-from yasps.contact.pair_forces import barrier_slopes, closest_points, mollifiers
-
-FIRST_PIECE: dict[str, tuple[bool, ...]] = {
-    "point_point": (True, False),
-    "point_edge": (True, False, False),
-    "point_triangle": (True, False, False, False),
-    "edge_edge": (True, True, False, False),
-    "mollified_edge_edge": (True, True, False, False),
-    "mollified_point_edge": (True, False, False, True),
-    "mollified_point_point": (True, False, True, False),
-    "half_space": (True,),
-}
-"""Which vertices of a kind are of its first piece."""
+from yasps.contact.kinds import Kind
+from yasps.contact.pair_forces import FIRST_PIECE, barrier_slopes, closest_points, mollifiers
 
 
 @dataclass(frozen=True)
@@ -150,14 +138,14 @@ class ContactForces:
 
 def contact_forces(contact: BarrierContact, masses: Floats | None = None) -> ContactForces:
     """What contact does at the present positions; masses: of all vertices [kg], [n], for centres of mass. Nothing is
-    compiled for it, and nothing changed."""
+    changed; weights and areas are compiled at the first call."""
     contact.update()
     positions = contact.positions()
     objects = contact.geometry.objects
-    names = tuple(objects)
-    body_of = np.repeat(np.arange(len(names), dtype=np.int32), list(objects.values()))
+    names = (*objects, *contact.half_spaces.names)
+    body_of = np.repeat(np.arange(len(objects), dtype=np.int32), list(objects.values()))
     found = [
-        _pairs_of(_Entries.of(contact, name, positions), positions, body_of)
+        _pairs_of(_Entries.of(contact, name, positions, body_of))
         for name, pairs in contact.active.kinds().items()
         if len(pairs)
     ]
@@ -165,22 +153,33 @@ def contact_forces(contact: BarrierContact, masses: Floats | None = None) -> Con
         names=names,
         body_of=body_of,
         positions=positions,
-        areas=contact.geometry.rest_areas(),
+        areas=_areas(contact),
         masses=np.zeros(len(positions)) if masses is None else masses,
         normal=_joined(found),
         friction=_joined([]),
     )
 
 
+def _areas(contact: BarrierContact) -> Floats:
+    """Surface area at rest that each vertex stands for [m^2], [n]."""
+    measures = contact.parts.measures
+    if measures is None:
+        return contact.geometry.rest_areas()
+    return np.asarray(2 * measures.points["half_area"].compute().array.reshape(-1), np.float64)
+
+
 @dataclass(frozen=True)
 class _Entries:
     """Numbers of all pairs of one kind, n of them."""
 
-    kind: str
+    kind: Kind
+    name: str
     vertices: Ids
     """[n, arity]"""
     corners: Floats
     """[n, rows, 3]: positions of the vertices; for a half-space, the vertex, normal and a point of the plane."""
+    bodies: Ids
+    """[n, 2]"""
     weight: Floats
     scale: Floats
     """What multiplies the barrier besides the weight."""
@@ -188,47 +187,63 @@ class _Entries:
     barrier: str
     radii: Floats
     """[n, arity] [m], share included."""
+    radii_vary: bool
     threshold: Floats
-    second_body: Ids | None = None
-    """[n] for half-spaces."""
 
     @staticmethod
-    def of(contact: BarrierContact, name: str, positions: Floats) -> _Entries:
+    def of(contact: BarrierContact, name: str, positions: Floats, body_of: Ids) -> _Entries:
         """Those of a kind of the contact's active set."""
-        pairs = contact.active.kinds()[name]
-        primitive = contact.primitives[name]
-        count = len(pairs)
-        stiffness = primitive.mesh["stiffness"].value
+        pairs, parts = contact.active.kinds()[name], contact.parts
+        primitive = contact.primitives[name].primitive
+        kind = contact.primitives[name].kind
+        corners = positions[pairs.vertices]
+        bodies = body_of[pairs.vertices[:, list(kind.sides)]]
+        if isinstance(pairs, PlanePairs):
+            assert parts.planes is not None
+            planes = [parts.planes[part].value.reshape(-1, 1, 3)[pairs.planes] for part in ("normal", "point")]
+            corners = np.concatenate([corners, *planes], axis=1)
+            bodies = np.stack([bodies[:, 0], len(contact.geometry.objects) + pairs.planes], axis=1)
+        stiffness, reach = (
+            parts.laws["stiffness"].value[contact.laws_of_pairs(name, pairs)],
+            float(parts.reach.value[0]),
+        )
+        radii = np.zeros(pairs.vertices.shape)
+        if parts.is_thick:
+            radii = pairs.share[:, None] * parts.points["radius"].value[pairs.vertices]
         return _Entries(
+            kind,
             name,
             pairs.vertices,
-            positions[pairs.vertices],
-            pairs.weight,
-            np.full(count, float(stiffness[0])),
-            contact.geometry.activation_distance,
-            "paper",
-            np.zeros(pairs.vertices.shape),
-            getattr(pairs, "threshold", np.ones(count)),
+            corners,
+            bodies.astype(np.int32),
+            primitive["weight"].compute().array.reshape(-1),
+            stiffness if parts.measures is None else stiffness * reach,
+            reach,
+            "paper" if parts.measures is None else "log",
+            radii,
+            parts.radii_vary,
+            primitive["threshold"].compute().array.reshape(-1) if kind.edges is not None else np.empty(0),
         )
 
 
-def _pairs_of(entries: _Entries, positions: Floats, body_of: Ids) -> ContactPairs:
+def _pairs_of(entries: _Entries) -> ContactPairs:
     """Forces of the pairs of one kind."""
-    name, x = entries.kind, entries.corners
+    name, kind, x = entries.name, entries.kind, entries.corners
     count, arity = entries.vertices.shape
     points = closest_points(name, x)
-    offset = (np.abs(points.weights) * entries.radii).sum(axis=1)
+    if entries.radii_vary:
+        offset, of_offset = points.offsets(name, entries.radii)
+    else:
+        offset, of_offset = entries.radii[:, sorted(set(kind.sides))].sum(axis=1), np.zeros((1, arity, 3))
     distance = np.linalg.norm(points.way, axis=1)
     excess, activation = distance**2 - offset**2, entries.reach * (entries.reach + 2 * offset)
     energy, by_excess, by_activation = barrier_slopes(entries.barrier, excess, activation, entries.scale)
     slopes = 2 * by_excess[:, None, None] * points.weights[:, :, None] * points.way[:, None]
-    if entries.radii.any():
-        of_offset = points.offset_slopes(entries.radii)
-        slopes += (2 * entries.reach * by_activation - 2 * offset * by_excess)[:, None, None] * of_offset
-    on_second = slopes[:, ~np.array(FIRST_PIECE[name])].sum(axis=1) if arity > 1 else -slopes[:, 0]
-    edges = KINDS[name].edges if name in KINDS else None
-    if edges is not None:
-        share, of_share = mollifiers(edges, x, entries.threshold)
+    slopes += (2 * entries.reach * by_activation - 2 * offset * by_excess)[:, None, None] * of_offset
+    first = np.array(FIRST_PIECE[name])
+    on_second = -slopes[:, first].sum(axis=1) if kind.is_plane else slopes[:, ~first].sum(axis=1)
+    if kind.edges is not None:
+        share, of_share = mollifiers(kind.edges, x, entries.threshold)
         slopes = share[:, None, None] * slopes + energy[:, None, None] * of_share
         on_second, energy = share[:, None] * on_second, share * energy
     weight = entries.weight[:, None]
@@ -236,18 +251,13 @@ def _pairs_of(entries: _Entries, positions: Floats, body_of: Ids) -> ContactPair
     forces[:, :arity] = -weight[:, :, None] * slopes
     vertices = np.full((count, 4), -1, np.int32)
     vertices[:, :arity] = entries.vertices
-    first = np.array(FIRST_PIECE[name])
-    sides = KINDS[name].sides if name in KINDS else (0, 0)
-    bodies = body_of[entries.vertices[:, sides]].astype(np.int32)
-    if entries.second_body is not None:
-        bodies[:, 1] = entries.second_body
     # Weights of the second piece sum to 1: half the way back from there is the middle.
-    beyond = np.where(first, 0.0, points.weights)
-    foot = np.einsum("na,nad->nd", beyond, x[:, :arity]) if arity > 1 else x[:, 0] + points.way
+    there = np.einsum("na,nad->nd", np.where(first, 0.0, points.weights), x[:, :arity])
+    foot = x[:, 0] + points.way if kind.is_plane else there
     return ContactPairs(
         kind=np.full(count, name),
         vertices=vertices,
-        bodies=bodies,
+        bodies=entries.bodies,
         point=foot - 0.5 * points.way,
         normal=-points.way / distance[:, None],
         gap=distance - offset,

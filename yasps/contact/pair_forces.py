@@ -28,6 +28,17 @@ _SLOPES: dict[str, Floats] = {
     "half_space": np.zeros((1, 0)),
 }
 """B of each kind, [arity, parameters]."""
+FIRST_PIECE: dict[str, tuple[bool, ...]] = {
+    "point_point": (True, False),
+    "point_edge": (True, False, False),
+    "point_triangle": (True, False, False, False),
+    "edge_edge": (True, True, False, False),
+    "mollified_edge_edge": (True, True, False, False),
+    "mollified_point_edge": (True, False, False, True),
+    "mollified_point_point": (True, False, True, False),
+    "half_space": (True,),
+}
+"""Which vertices of a kind are of its first piece."""
 
 
 @dataclass(frozen=True)
@@ -43,10 +54,20 @@ class ClosestPoints:
     of_parameters: Floats
     """B, [arity, parameters]."""
 
-    def offset_slopes(self, radii: Floats) -> Floats:
-        """d(sum of |g_i| radius_i)/dx_i, [n, arity, 3], for radii [n, arity] [m]."""
-        by_parameter = np.einsum("na,ap->np", np.sign(self.weights) * radii, self.of_parameters)
-        return np.asarray(np.einsum("np,npad->nad", by_parameter, self.slopes))
+    def offsets(self, kind: str, radii: Floats) -> tuple[Floats, Floats]:
+        """The sum of |g_i| radius_i [m], [n], and its derivatives by the vertices, [n, arity, 3]; radii [n, arity] [m].
+
+        Weights of nearly parallel edges are moved into the edges, as `Kind.weights` does: there they don't change.
+        """
+        sign = np.where(FIRST_PIECE[kind], -1.0, 1.0)
+        shares = self.weights * sign
+        moves = np.ones(self.slopes.shape[:2])
+        if kind.startswith("mollified"):
+            outside = (shares < 0) | (shares > 1)
+            moves = 1.0 - np.einsum("na,ap->np", outside, self.of_parameters != 0).clip(0, 1)
+            shares = shares.clip(0, 1)
+        by_parameter = moves * np.einsum("na,ap->np", sign * radii, self.of_parameters)
+        return (shares * radii).sum(axis=1), np.asarray(np.einsum("np,npad->nad", by_parameter, self.slopes))
 
 
 def closest_points(kind: str, x: Floats) -> ClosestPoints:

@@ -37,6 +37,14 @@ def checked_length(value: float, name: str) -> float:
     return float(value)
 
 
+def checked_radii(radii: ArrayLike, count: int) -> Floats:
+    """Radii of all vertices [m], [count], of one or one each. Raises DataError."""
+    numbers = real_numbers(radii, "radii")
+    if numbers.shape not in ((), (count,)) or (numbers < 0).any():
+        raise DataError(f"radii are one length >= 0 or one for each of {count} vertices, got {list(numbers.shape)}")
+    return np.broadcast_to(numbers, (count,)).copy()
+
+
 def checked_ids(elements: ArrayLike, arity: int, vertex_count: int, name: str) -> Ids:
     """Vertex ids, int32 [m, arity]. Raises ConnectivityError."""
     ids = plain_array(elements, name, ConnectivityError)
