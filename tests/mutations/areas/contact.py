@@ -9,16 +9,21 @@ IPCTK = (f"{VALUES}::test_potential_gradient_and_hessian_are_those_of_ipctk",)
 FOLLOW = (f"{VALUES}::test_pairs_follow_the_vertices",)
 GEOMETRY = "tests/contact/test_collision_geometry.py"
 POTENTIAL = (f"{GEOMETRY}::test_active_set_reproduces_ipctk_barrier_potential",)
+IMPROVED = "tests/contact/test_improved_max.py"
 MOTION = "tests/contact/test_collision_motion.py"
 KEPT = (f"{MOTION}::test_kept_candidates_find_what_ipctk_finds_anew",)
 SAFE = (f"{MOTION}::test_step_bounds_are_ipctks_and_safe", f"{GEOMETRY}::test_step_bound_stops_before_the_ground")
 DISTANCES = "yasps/contact/distances.py"
 WHERE = "yasps/contact/kinds.py"
+FRICTION = "yasps/contact/friction.py"
+SLIPS = "tests/contact/test_friction.py"
+SLIDING = (f"{SLIPS}::test_static_and_kinetic_friction_against_quadrature",)
 CLOSEST = ("tests/contact/test_kinds.py::test_closest_points_and_tangent_planes",)
-CODE, PAIRS, NEAR = (
+CODE, PAIRS, NEAR, MAX = (
     "yasps/contact/barrier_contact.py",
     "runtime/collision/close_pairs.cpp",
     "runtime/collision/near_pairs.cpp",
+    "runtime/collision/improved_max.h",
 )
 
 MUTATIONS = (
@@ -130,8 +135,8 @@ MUTATIONS = (
     Mutation(
         "the other end of a mollified edge is the end itself",
         PAIRS,
-        "{own[end], edge[0], edge[1], own[1 - end]}",
-        "{own[end], edge[0], edge[1], own[end]}",
+        "own[end], edge[0], edge[1], own[1 - end]);",
+        "own[end], edge[0], edge[1], own[end]);",
         POTENTIAL,
     ),
     Mutation(
@@ -144,8 +149,8 @@ MUTATIONS = (
     Mutation(
         "equal entries are dropped without their weight",
         PAIRS,
-        "pairs[last].weight += 1;",
-        "pairs[last].weight += 0;",
+        "entry.weight += entries[next].weight;",
+        "entry.weight += 0;",
         POTENTIAL,
     ),
     Mutation(
@@ -233,5 +238,75 @@ MUTATIONS = (
         "return (x.row(2) - x.row(0) + s * first + t * second).T",
         "return first.cross(second).T",
         CLOSEST,
+    ),
+    Mutation(
+        "all edges count as those of closed surfaces",
+        MAX,
+        "const int share = 1 - static_cast<int>(next - k);",
+        "const int share = -1;",
+        (IMPROVED,),
+    ),
+    Mutation(
+        "corners at the rim count as those inside a surface",
+        MAX,
+        "const int share = around_[corner];",
+        "const int share = 1;",
+        (IMPROVED,),
+    ),
+    Mutation(
+        "the second point's area counts as the first's",
+        PAIRS,
+        "entry.times[entry.vertices[0] == vertex ? 0 : 1] = times;",
+        "entry.times[0] = times;",
+        (IMPROVED,),
+    ),
+    Mutation(
+        "edge pairs with improved max are merged",
+        PAIRS,
+        "std::equal(a.edges, a.edges + 2, b.edges);",
+        "std::equal(a.edges, a.edges, b.edges);",
+        (IMPROVED,),
+    ),
+    Mutation(
+        "friction's potential with half its cubic term",
+        FRICTION,
+        "y * share * (1 - share / 3)",
+        "y * share * (1 - share / 6)",
+        SLIDING,
+    ),
+    Mutation(
+        "friction falls to the kinetic coefficient without the integral of mu f1",
+        FRICTION,
+        "q**4 * (2.5 - q * (3 - q))",
+        "q**3 * (10 - q * (15 - 6 * q)) * q",
+        SLIDING,
+    ),
+    Mutation(
+        "friction falls from rest on",
+        FRICTION,
+        "slip.norm() / width - 1 / (KINETIC_FROM - 1)",
+        "slip.norm() / width",
+        (f"{SLIPS}::test_all_static_friction_is_there_before_it_falls",),
+    ),
+    Mutation(
+        "the normal force of the logarithm with its support squared",
+        FRICTION,
+        "(2 * d / support) * ((1 - tau)",
+        "(2 * d / reach) * ((1 - tau)",
+        (f"{SLIPS}::test_normal_force_of_the_log_barrier",),
+    ),
+    Mutation(
+        "the normal force of the paper's barrier by the squared distance",
+        FRICTION,
+        "4 * strength * d * gap",
+        "2 * strength * gap",
+        (f"{SLIPS}::test_normal_force_of_the_papers_barrier",),
+    ),
+    Mutation(
+        "friction of the sum of both ways instead of their difference",
+        FRICTION,
+        "kind.tangents(lagged).T * (way.T * kind.weights(lagged))",
+        "kind.tangents(lagged).T * (way.T * kind.weights(lagged).abs())",
+        ("tests/contact/test_friction_pairs.py::test_friction_of_pairs",),
     ),
 )
