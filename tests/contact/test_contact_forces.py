@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import pytest
 from collision_scenes import SCENES
@@ -24,7 +26,7 @@ NAMES = (
 )
 
 
-def scene_of(name: str, barrier: str, radius: float = 0.0) -> tuple[Scene, BarrierContact]:
+def scene_of(name: str, barrier: str, radius: float = 0.0, **options: Any) -> tuple[Scene, BarrierContact]:
     """Two free surfaces of one scene of the collision tests, as two objects over a half-space; with a radius, one that
     varies from vertex to vertex up to it."""
     (points, faces), dhat = SCENES[name]
@@ -46,6 +48,7 @@ def scene_of(name: str, barrier: str, radius: float = 0.0) -> tuple[Scene, Barri
         radii=radius * np.random.default_rng(4).uniform(0.1, 1.0, len(points)),
         planes=[Plane("slope", tuple(UP.tolist()), tuple((lowest - (radius + 0.3 * dhat) * UP).tolist()))],
         objects={"one": half, "two": len(points) - half},
+        **options,
     )
     scene.add_minimize_target(position)
     return scene, contact

@@ -6,7 +6,9 @@ their derivatives by positions of vertices, whatever parameterises these (see `y
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, fields
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,7 +16,15 @@ from numpy.typing import NDArray
 from yasps.contact.active_set import Floats, Ids, PlanePairs
 from yasps.contact.barrier_contact import BarrierContact
 from yasps.contact.kinds import Kind
-from yasps.contact.pair_forces import FIRST_PIECE, barrier_slopes, closest_points, mollifiers
+from yasps.contact.pair_forces import (
+    FIRST_PIECE,
+    barrier_slopes,
+    closest_points,
+    friction_slopes,
+    lagged_points,
+    mollifiers,
+)
+from yasps.contact.pair_primitive import PairPrimitive
 
 
 @dataclass(frozen=True)
@@ -50,6 +60,21 @@ class ContactPairs:
 
 
 @dataclass(frozen=True)
+class FrictionPairs(ContactPairs):
+    """Pairs that rub. Point, normal and gap are those of when friction was lagged; the energy is its potential."""
+
+    load: Floats
+    """[m]: the lagged normal force [N]."""
+    slip: Floats
+    """[m, 3]: how far the second piece has come along the first since the beginning of the step [m]."""
+    slides: NDArray[np.bool_]
+    """[m]: whether that is the slip length or more, so that friction has all of its force."""
+
+
+AnyPairs = TypeVar("AnyPairs", bound=ContactPairs)
+
+
+@dataclass(frozen=True)
 class ContactForces:
     """Forces of contact at one state. Bodies are numbered as in `names`; half-spaces come last."""
 
@@ -64,8 +89,8 @@ class ContactForces:
     """[n]: of each vertex [kg]; 0 where nothing moves it or nobody said."""
     normal: ContactPairs
     """The barrier's pairs."""
-    friction: ContactPairs
-    """The pairs that rub: those that were near when friction was lagged, at the places they had then."""
+    friction: FrictionPairs
+    """The pairs that rub: those that were near when friction was lagged."""
 
     def number_of(self, name: str) -> int:
         """The number of a body. Raises KeyError for names of none."""
@@ -130,7 +155,8 @@ class ContactForces:
         return np.asarray(np.divide(size, self.areas, out=np.zeros_like(size), where=self.areas > 0), np.float64)
 
     def _parts(self, part: str) -> list[ContactPairs]:
-        parts = {"normal": [self.normal], "friction": [self.friction], "both": [self.normal, self.friction]}
+        parts: dict[str, list[ContactPairs]] = {"normal": [self.normal], "friction": [self.friction]}
+        parts["both"] = [self.normal, self.friction]
         if part not in parts:
             raise ValueError(f"part is one of {', '.join(map(repr, parts))}, got {part!r}")
         return parts[part]
@@ -155,8 +181,8 @@ def contact_forces(contact: BarrierContact, masses: Floats | None = None) -> Con
         positions=positions,
         areas=_areas(contact),
         masses=np.zeros(len(positions)) if masses is None else masses,
-        normal=_joined(found),
-        friction=_joined([]),
+        normal=_joined(ContactPairs, found),
+        friction=_joined(FrictionPairs, _rubbing(contact, positions, body_of)),
     )
 
 
@@ -199,10 +225,7 @@ class _Entries:
         corners = positions[pairs.vertices]
         bodies = body_of[pairs.vertices[:, list(kind.sides)]]
         if isinstance(pairs, PlanePairs):
-            assert parts.planes is not None
-            planes = [parts.planes[part].value.reshape(-1, 1, 3)[pairs.planes] for part in ("normal", "point")]
-            corners = np.concatenate([corners, *planes], axis=1)
-            bodies = np.stack([bodies[:, 0], len(contact.geometry.objects) + pairs.planes], axis=1)
+            corners, bodies = _with_planes(contact, corners, bodies, pairs.planes)
         stiffness, reach = (
             parts.laws["stiffness"].value[contact.laws_of_pairs(name, pairs)],
             float(parts.reach.value[0]),
@@ -251,14 +274,11 @@ def _pairs_of(entries: _Entries) -> ContactPairs:
     forces[:, :arity] = -weight[:, :, None] * slopes
     vertices = np.full((count, 4), -1, np.int32)
     vertices[:, :arity] = entries.vertices
-    # Weights of the second piece sum to 1: half the way back from there is the middle.
-    there = np.einsum("na,nad->nd", np.where(first, 0.0, points.weights), x[:, :arity])
-    foot = x[:, 0] + points.way if kind.is_plane else there
     return ContactPairs(
         kind=np.full(count, name),
         vertices=vertices,
         bodies=entries.bodies,
-        point=foot - 0.5 * points.way,
+        point=_middles(name, x, points.weights, points.way),
         normal=-points.way / distance[:, None],
         gap=distance - offset,
         energy=entries.weight * energy,
@@ -267,19 +287,89 @@ def _pairs_of(entries: _Entries) -> ContactPairs:
     )
 
 
-def _joined(parts: list[ContactPairs]) -> ContactPairs:
-    """All pairs in one."""
-    empty = ContactPairs(
-        np.empty(0, "<U21"),
-        np.empty((0, 4), np.int32),
-        np.empty((0, 2), np.int32),
-        np.empty((0, 3)),
-        np.empty((0, 3)),
-        np.empty(0),
-        np.empty(0),
-        np.empty((0, 4, 3)),
-        np.empty((0, 3)),
+def _rubbing(contact: BarrierContact, positions: Floats, body_of: Ids) -> list[FrictionPairs]:
+    """The pairs of each kind that rub."""
+    friction = getattr(contact, "friction", None)
+    if friction is None:
+        return []
+    return [
+        _rubbing_of(contact, name, pairs, positions, body_of)
+        for name, pairs in friction.primitives.items()
+        if pairs.primitive.num_instances
+    ]
+
+
+def _rubbing_of(
+    contact: BarrierContact, name: str, pairs: PairPrimitive, positions: Floats, body_of: Ids
+) -> FrictionPairs:
+    """Friction of one kind: minus load times W'(|u|) along the slip u, which is linear in the positions."""
+    assert contact.friction is not None
+    kind, links, parts = pairs.kind, pairs.primitive.connectivities, contact.parts
+    ids, laws = links["vertices"].indices, links["law"].indices[:, 0]
+    lagged, previous = (parts.points[f"{when}_position"].value.reshape(-1, 3)[ids] for when in ("lagged", "previous"))
+    corners, bodies = lagged, body_of[ids[:, list(kind.sides)]]
+    if kind.is_plane:
+        corners, bodies = _with_planes(contact, corners, bodies, links["plane"].indices[:, 0])
+    weights, lagged_way = lagged_points(name, corners)
+    distance = np.linalg.norm(lagged_way, axis=1)
+    normal = lagged_way / distance[:, None]
+    relative = np.einsum("na,nad->nd", weights, positions[ids] - previous)
+    slip = relative - (relative * normal).sum(axis=1, keepdims=True) * normal
+    way, length = np.linalg.norm(slip, axis=1), float(contact.friction.slip_length.value[0])
+    static, kinetic = (parts.laws[which].value[laws] for which in ("friction", "kinetic_friction"))
+    potential, by_slip = friction_slopes(way, length, static, kinetic)
+    load = pairs.primitive["normal_force"].compute().array.reshape(-1)
+    push = (load * by_slip)[:, None] * slip
+    count, arity = ids.shape
+    forces, vertices = np.zeros((count, 4, 3)), np.full((count, 4), -1, np.int32)
+    forces[:, :arity], vertices[:, :arity] = -weights[:, :, None] * push[:, None], ids
+    return FrictionPairs(
+        kind=np.full(count, name),
+        vertices=vertices,
+        bodies=bodies.astype(np.int32),
+        point=_middles(name, corners, weights, lagged_way),
+        normal=-normal,
+        gap=distance - (np.abs(weights) * parts.points["radius"].value[ids]).sum(axis=1),
+        energy=load * potential,
+        forces=forces,
+        on_first=push,
+        load=load,
+        slip=slip,
+        slides=way >= length,
     )
-    return ContactPairs(
-        **{name: np.concatenate([getattr(part, name) for part in (empty, *parts)]) for name in vars(empty)}
+
+
+def _with_planes(contact: BarrierContact, corners: Floats, bodies: Ids, planes: Ids) -> tuple[Floats, Ids]:
+    """Corners and bodies of vertices near half-spaces, with these."""
+    assert contact.parts.planes is not None
+    rows = [contact.parts.planes[part].value.reshape(-1, 1, 3)[planes] for part in ("normal", "point")]
+    return (
+        np.concatenate([corners, *rows], axis=1),
+        np.stack([bodies[:, 0], len(contact.geometry.objects) + planes], axis=1),
+    )
+
+
+def _middles(name: str, x: Floats, weights: Floats, way: Floats) -> Floats:
+    """Half-way between the closest points, [n, 3] [m]: weights of the second piece sum to 1."""
+    first = np.array(FIRST_PIECE[name])
+    if first.all():
+        return np.asarray(x[:, 0] + 0.5 * way)
+    return np.asarray(np.einsum("na,nad->nd", np.where(first, 0.0, weights), x) - 0.5 * way)
+
+
+def _joined(kind: type[AnyPairs], parts: Sequence[AnyPairs]) -> AnyPairs:
+    """All pairs in one."""
+    shapes = {"kind": (0,), "vertices": (0, 4), "bodies": (0, 2), "forces": (0, 4, 3)}
+    shapes |= dict.fromkeys(("point", "normal", "on_first", "slip"), (0, 3))
+    types: dict[str, Any] = {"kind": "<U21", "vertices": np.int32, "bodies": np.int32, "slides": np.bool_}
+    return kind(
+        **{
+            name.name: np.concatenate(
+                [
+                    np.empty(shapes.get(name.name, (0,)), types.get(name.name, np.float64)),
+                    *(getattr(part, name.name) for part in parts),
+                ]
+            )
+            for name in fields(kind)
+        }
     )
