@@ -14,7 +14,7 @@ from yasps import Attribute, Mesh, Primitive, Scene, concat_rows
 from yasps.backend.codegen.preludes import without_preludes
 from yasps.backend.codegen.scene_view import SceneView
 from yasps.backend.cpp.object import CppEmitter
-from yasps.contact import barrier, squared_point_plane
+from yasps.contact import paper_barrier, squared_point_plane
 from yasps.frontend.execution.emit import SceneEmitter
 from yasps.passes.pipeline import run_pipeline
 
@@ -104,7 +104,7 @@ def contact_scene(parameterisations: tuple[Parameterisation, ...]) -> Scene:
     corners = pairs.add_connectivity("corners", union, [], 4)
     x = pairs.add_attribute("positions", through=corners, source=position)
     reach, stiffness = (everything.add_constant(name, 1, 1, value=1.0) for name in ("reach", "stiffness"))
-    energy = barrier(squared_point_plane(x), reach, stiffness)
+    energy = paper_barrier(squared_point_plane(x), reach, stiffness)
     scene.add_energy(pairs.add_attribute("barrier", computed_attribute=energy))
     scene.add_minimize_target(targets)
     return scene

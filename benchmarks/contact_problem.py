@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from benchmarks.kernel_problem import on_cpu
 from benchmarks.on_device import Where, new_scene
 from yasps import Attribute, Mesh, Primitive, PrimitiveBase, Scene
-from yasps.contact import KINDS, barrier, mollifier
+from yasps.contact import KINDS, mollifier, paper_barrier
 from yasps.frontend.execution.cpu_scene import CpuScene
 
 FloatArray = NDArray[np.float64]
@@ -150,7 +150,7 @@ def add_barrier(mesh: Mesh, vertices: PrimitiveBase, pairs: Pairs) -> None:
     reach = mesh.add_constant("squared_reach", 1, 1, value=REACH**2)
     stiffness = mesh.add_constant("stiffness", 1, 1, value=STIFFNESS)
     weight = primitive.add_constant("weight", 1, 1, value=np.ones(len(pairs.pairs)))
-    energy = weight * barrier(kind.squared_distance(x), reach, stiffness)
+    energy = weight * paper_barrier(kind.squared_distance(x), reach, stiffness)
     if kind.edges is not None:
         assert pairs.threshold is not None
         threshold = primitive.add_constant("threshold", 1, 1, value=pairs.threshold)

@@ -74,7 +74,7 @@ def contact_energy(kind: str) -> Energy:
 
     def expression(v: Values) -> Attribute:
         x = v["x"]
-        energy = v["weight"] * contact.barrier(what.squared_distance(x), v["reach"], v["stiffness"])
+        energy = v["weight"] * contact.paper_barrier(what.squared_distance(x), v["reach"], v["stiffness"])
         if what.edges is None:
             return energy
         (a, b), (c, d) = what.edges

@@ -94,7 +94,7 @@ def in_contact(unknowns: int, where: Where) -> SolverProblem:
     # Inside a slab nothing meets.
     group = np.repeat([0, 1], [len(lower.vertices), len(upper.vertices)])
     contact = BarrierContact(
-        everything, union, triangles, activation_distance=GAP, stiffness=100.0 / GAP**3, group=group
+        everything, union, triangles, activation_distance=GAP, barrier="paper", stiffness=100.0 / GAP**3, group=group
     )
     return replace(_assembled("in contact", scene, len(contact.active)), gradient=np.concatenate(loads).reshape(-1))
 

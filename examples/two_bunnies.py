@@ -38,7 +38,7 @@ def two_bunnies(shape: TetrahedralMesh, scene: Scene | None = None, times: TimeT
     # Surfaces repel when they are nearer than 1/200 of the size, or less where the rabbit itself is narrower.
     distance = float(np.clip(0.8 * narrowest_gap(low, 5e-3 * SIZE), 1e-3 * SIZE, 5e-3 * SIZE))
     bodies = [soft, stiff, Ground(scene, size=10 * SIZE)]
-    return Simulation(scene, bodies, activation_distance=distance, times=times)
+    return Simulation(scene, bodies, activation_distance=distance, barrier="paper", times=times)
 
 
 def main(arguments: Sequence[str] | None = None) -> int:

@@ -34,7 +34,7 @@ KIT_ROOMS = {
     "meshes": set[str](),
     "output": set[str](),
     "contact": {"meshes"},
-    "bodies": {"materials", "meshes"},
+    "bodies": {"materials", "meshes", "contact"},
     "stepping": {"contact", "output"},
     "simulation": {"materials", "meshes", "output", "contact", "bodies", "stepping"},
 }

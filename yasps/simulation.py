@@ -10,6 +10,7 @@ from __future__ import annotations
 import tempfile
 import time
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Protocol
 
@@ -17,12 +18,12 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from yasps import Attribute, Primitive, Scene, SceneError, ShapeMismatchError, YaspsError, materials
-from yasps.bodies import Body
-from yasps.contact import BarrierContact
+from yasps.bodies import Body, HalfSpace
+from yasps.contact import BarrierContact, ContactForces, ContactTable, check_start, contact_forces
 from yasps.frontend.language.arrays import real_numbers
 from yasps.meshes.tetrahedral_mesh import Float64Array
 from yasps.output import FrameProgress, TimeTable
-from yasps.stepping import BackwardEuler, MovingPart, NewtonReport, NewtonSettings
+from yasps.stepping import BackwardEuler, MovingPart, NewtonReport, NewtonSettings, StepReport, step_report
 
 PIN_STIFFNESS = 1e3
 """Stiffness of a pin, in masses of its body over the squared time step: a body that hangs on one sinks by
@@ -55,14 +56,23 @@ class Pins:
         self.primitive.update(vertex=np.empty((0, 1), np.int32), place=np.empty((0, 3)), stiffness=np.empty(0))
 
 
+@dataclass(frozen=True)
+class _ContactOptions:
+    table: ContactTable
+    barrier: str
+    stiffness: float | None
+
+
 class Simulation:
     """Steps bodies of one scene through time.
 
     scene: the one that the bodies were added to. bodies: at least one that moves. time_step [s]. gravity [m/s^2].
     activation_distance [m]: surfaces closer than this repel; default 1/1000 of the diagonal of the box around what
-    moves. contact_stiffness [J/m^4]: kappa of the barrier; default 10 N over the cubed activation distance. contact:
-    False for none at all. velocities: body -> velocity at the start [m/s], one or one for each vertex. settings: of
-    Newton's method; by default the tolerance is a tenth of the activation distance a step, at most 2e-3 m/s.
+    moves. contact: False for none at all. contacts: friction and stiffness of pairs of bodies, by name. barrier,
+    contact_stiffness: see `BarrierContact`; by default "log", with a tenth of the softer body's modulus [Pa]; for
+    "paper" 10 N over the cubed activation distance [J/m^4]. velocities: body -> velocity at the start [m/s], one or one
+    for each vertex. settings: of Newton's method; by default the tolerance is a tenth of the activation distance a
+    step, at most 2e-3 m/s.
 
     `gravity` is a constant of the scene that can be changed between steps; `before_step` and `after_step` are lists of
     functions that are called with the simulation.
@@ -79,6 +89,8 @@ class Simulation:
         gravity: ArrayLike = (0.0, 0.0, -9.8),
         contact: bool = True,
         activation_distance: float | None = None,
+        contacts: ContactTable | None = None,
+        barrier: str = "log",
         contact_stiffness: float | None = None,
         velocities: Mapping[Body, ArrayLike] | None = None,
         settings: NewtonSettings | None = None,
@@ -90,17 +102,21 @@ class Simulation:
         self.after_step: list[Callable[[Simulation], None]] = []
         self.times = times or TimeTable()
         self.frame = 0
+        self._last: NewtonReport | None = None
         self._has_contact = contact
-        self._given = (activation_distance, contact_stiffness, settings)
+        self._given = (activation_distance, settings)
+        self._contact_options = _ContactOptions(contacts or ContactTable(), barrier, contact_stiffness)
         self._predicted: dict[Body, Attribute] = {}
         self._fields: list[tuple[Body, ForceField, str]] = []
         self._unions = self._pins = 0
         self.contact: BarrierContact | None = None
         if not time_step > 0:
             raise SceneError(f"time_step must be positive, got {time_step} s")
+        self._check(bodies)
+        if contact:
+            check_start(bodies, self._contact_options.table)
         self.time_step = scene.add_constant("time_step", 1, 1, value=time_step)
         self.gravity = scene.add_constant("gravity", 3, 1, value=gravity)
-        self._check(bodies)
         for body in bodies:
             self._take(body)
         self._connect({})
@@ -121,6 +137,8 @@ class Simulation:
         Raises SceneError, IntersectionError; nothing is added then.
         """
         self._check([*self.bodies, *bodies])
+        if self._has_contact:
+            check_start([*self.bodies, *bodies], self._contact_options.table)
         before = self._motion()
         for body in bodies:
             self._take(body)
@@ -185,16 +203,16 @@ class Simulation:
 
     def _connect(self, velocities: Mapping[Body, Float64Array]) -> None:
         """The union of all vertices, contact on it, and a stepper that starts with these velocities."""
-        activation_distance, contact_stiffness, settings = self._given
+        activation_distance, settings = self._given
         if activation_distance is None:
             corners = np.concatenate([body.positions() for body in self.moving])
             activation_distance = 1e-3 * float(np.linalg.norm(np.ptp(corners, axis=0)))
         self.activation_distance = activation_distance
         if self._has_contact:
-            contact = self._add_contact(contact_stiffness or 10.0 / activation_distance**3)
+            contact = self._add_contact()
             if self.contact is not None:
-                for primitive in self.contact.primitives.values():
-                    self.scene.remove_energy(primitive["barrier"])
+                for energy in self.contact.energies:
+                    self.scene.remove_energy(energy)
             self.contact = contact
         time_step = float(self.time_step.value[0])
         self.stepper = BackwardEuler(
@@ -207,29 +225,42 @@ class Simulation:
             settings=settings
             or NewtonSettings(velocity_tolerance=min(2e-3, 0.1 * activation_distance / time_step), max_iterations=500),
             times=self.times,
+            arms={target: arm for body in self.moving for target, arm in body.arms.items()},
         )
         for body, velocity in velocities.items():
             if body in self.bodies:
                 self.set_velocity(body, velocity)
 
-    def _add_contact(self, stiffness: float) -> BarrierContact:
+    def _add_contact(self) -> BarrierContact:
+        options = self._contact_options
+        stiffness = options.stiffness
+        if stiffness is None and options.barrier == "paper":
+            stiffness = 10.0 / self.activation_distance**3
         everything = self.scene.add_mesh(f"everything_{self._unions}" if self._unions else "everything")
         self._unions += 1
-        union = everything.add_primitive_union("vertices", [body.vertices for body in self.bodies])
+        bodies = [body for body in self.bodies if not isinstance(body, HalfSpace)]
+        union = everything.add_primitive_union("vertices", [body.vertices for body in bodies])
         union.add_attribute("position")
-        counts = [len(body.rest) for body in self.bodies]
-        triangles = [body.triangles + start for body, start in zip(self.bodies, union.offsets(), strict=False)]
-        groups = [-1 if body.meets_itself else number for number, body in enumerate(self.bodies)]
+        union.add_attribute("rest_position")
+        counts = [len(body.rest) for body in bodies]
+        starts = union.offsets()
+        groups = [-1 if body.meets_itself else number for number, body in enumerate(bodies)]
         return BarrierContact(
             everything,
             union,
-            np.concatenate(triangles),
+            np.concatenate([body.triangles + start for body, start in zip(bodies, starts, strict=False)]),
+            edges=np.concatenate([body.edges + start for body, start in zip(bodies, starts, strict=False)]),
+            points=np.concatenate([body.points + start for body, start in zip(bodies, starts, strict=False)]),
+            radii=np.concatenate([body.radii() for body in bodies]),
             activation_distance=self.activation_distance,
+            barrier=options.barrier,
             stiffness=stiffness,
-            fixed=np.repeat([body.is_fixed for body in self.bodies], counts),
+            table=options.table,
+            moduli={body.name: body.contact_modulus for body in self.bodies},
+            planes=[body.plane for body in self.bodies if isinstance(body, HalfSpace)],
+            fixed=np.repeat([body.is_fixed for body in bodies], counts),
             group=np.repeat(groups, counts),
-            objects={body.name: len(body.rest) for body in self.bodies},
-            rest_positions=np.concatenate([body.rest for body in self.bodies]),
+            objects={body.name: len(body.rest) for body in bodies},
         )
 
     def _number_of(self, body: Body) -> int:
@@ -353,6 +384,7 @@ class Simulation:
             )
             raise
         self.frame += 1
+        self._last = report
         for call in self.after_step:
             call(self)
         return report
@@ -389,6 +421,38 @@ class Simulation:
         if self.contact is not None:
             with self.times.stage("check: no intersection"):
                 self.contact.geometry.check_intersection_free(self.contact.positions())
+
+    # -- what is there now ---------------------------------------------------------------------------------
+
+    def contact_forces(self) -> ContactForces:
+        """Forces, gaps and energies of contact at the present state, for pairs, vertices and bodies.
+
+        Bodies are numbered as in `bodies`, but half-spaces come last. Raises SceneError without contact.
+        """
+        if self.contact is None:
+            raise SceneError("this simulation was made with contact=False")
+        bodies = [body for body in self.bodies if len(body.rest)]
+        masses = [np.zeros(len(b.rest)) if b.is_fixed else np.asarray(b.mass.value) for b in bodies]
+        return contact_forces(self.contact, np.concatenate(masses))
+
+    def forces_by_term(self) -> dict[str, dict[str, Float64Array]]:
+        """Path of an energy -> path of a target -> minus the energy's gradient there, [instances, 3] in N for a 3x1
+        target in metres, else [instances, rows, columns]. These are the generalised forces of reduced coordinates."""
+        compiled = self.scene.compile()
+        return {
+            path: {
+                target.path: -part.reshape(-1, *(target.shape if target.shape[1] > 1 else target.shape[:1]))
+                for target, part in zip(compiled.targets, compiled.split(gradient), strict=True)
+            }
+            for path, gradient in compiled.gradients().items()
+        }
+
+    def report(self) -> StepReport:
+        """The present state in numbers: energies, momentum, contact, and what the last step took. All of it is computed
+        by this call; steps pay nothing for it."""
+        forces = None if self.contact is None else self.contact_forces()
+        reach = self.activation_distance
+        return step_report(self.scene, self.stepper, frame=self.frame, newton=self._last, forces=forces, reach=reach)
 
     # -- state ---------------------------------------------------------------------------------------------
 

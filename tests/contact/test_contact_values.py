@@ -10,7 +10,7 @@ from collections import Counter
 import ipctk
 import numpy as np
 import pytest
-from collision_scenes import SCENES, Mesh, move, union
+from collision_scenes import SCENES, move, renumbered, union
 from numpy.typing import NDArray
 
 from yasps import Scene
@@ -29,17 +29,6 @@ NAMES = (
 )
 
 
-def renumbered(mesh: Mesh, seed: int) -> Mesh:
-    """The same surface with its vertices in another order, and its triangles too, each from another corner on."""
-    rng = np.random.default_rng(seed)
-    points, faces = mesh
-    new_id = rng.permutation(len(points))
-    moved = np.empty_like(points)
-    moved[new_id] = points
-    turned = np.array([np.roll(face, rng.integers(3)) for face in new_id[faces]], np.int32)
-    return moved, rng.permutation(turned)
-
-
 def contact_scene(free: Floats, faces: NDArray[np.int32], dhat: float) -> tuple[Scene, BarrierContact]:
     """Free vertices with a surface, beside a fixed triangle that is far away from it."""
     scene = Scene("surface")
@@ -55,6 +44,7 @@ def contact_scene(free: Floats, faces: NDArray[np.int32], dhat: float) -> tuple[
         points,
         np.concatenate([faces, len(free) + np.array([[0, 1, 2]])]),
         activation_distance=dhat,
+        barrier="paper",
         stiffness=STIFFNESS,
         projection="none",
         fixed=np.arange(points.num_instances) >= len(free),
@@ -152,7 +142,9 @@ def test_groups_and_fixed_vertices_meet_all_others() -> None:
         mesh = scene.add_mesh("mesh")
         vertices = mesh.add_primitive("vertices", len(points))
         vertices.add_attribute("position", 3, 1, value=points)
-        contact = BarrierContact(mesh, vertices, faces, activation_distance=0.07, stiffness=1.0, **filters)
+        contact = BarrierContact(
+            mesh, vertices, faces, activation_distance=0.07, barrier="paper", stiffness=1.0, **filters
+        )
         return {
             tuple(sorted(set(owner[row].tolist())))
             for pairs in contact.active.kinds().values()

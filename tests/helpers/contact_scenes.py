@@ -119,6 +119,7 @@ def contact_scene(
         union,
         triangles,
         activation_distance=distance,
+        barrier="paper",
         stiffness=force / distance**3,
         rest_positions=rest_positions,
         fixed=is_fixed,

@@ -51,6 +51,7 @@ def falling_block(device: str | Device, deterministic: bool = False) -> Backward
         union,
         np.concatenate([shape.surface_triangles(), floor.triangles + len(start)]),
         activation_distance=0.004,
+        barrier="paper",
         stiffness=1.0 / 0.004**3,
         fixed=np.arange(union.num_instances) >= len(start),
     )

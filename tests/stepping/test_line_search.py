@@ -49,6 +49,7 @@ def turning_plate(walls: list[np.ndarray], goal: float) -> tuple[Scene, BarrierC
         points,
         triangles,
         activation_distance=0.01,
+        barrier="paper",
         stiffness=1e8,
         fixed=np.arange(points.num_instances) >= 3,
     )
@@ -97,6 +98,7 @@ def plate_over_ground(height: float, goal: float) -> tuple[Scene, BarrierContact
         points,
         [[0, 1, 2], [3, 4, 5]],
         activation_distance=0.1,
+        barrier="paper",
         stiffness=1e8,
         fixed=np.arange(6) >= 3,
     )

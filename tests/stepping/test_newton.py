@@ -105,6 +105,7 @@ def falling_box() -> tuple[Scene, BarrierContact, Attribute, MovingPart]:
         union,
         np.concatenate([shape.surface_triangles(), floor.triangles + start]),
         activation_distance=2e-3,
+        barrier="paper",
         stiffness=1e9,
         fixed=np.arange(union.num_instances) >= start,
         objects={"box": len(shape.vertices), "floor": len(floor.vertices)},

@@ -36,6 +36,7 @@ def test_a_swinging_box_stops_at_a_fixed_one() -> None:
         points,
         np.concatenate([triangles, triangles + len(shape.vertices)]),
         activation_distance=0.01,
+        barrier="paper",
         stiffness=1e9,
         fixed=np.arange(points.num_instances) >= len(shape.vertices),
     )

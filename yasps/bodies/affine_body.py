@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from yasps import Scene, SceneError, materials
 from yasps.bodies.body import Body, check_density
@@ -26,18 +27,22 @@ class AffineBody(Body):
         *,
         density: float = 1000.0,
         youngs_modulus: float = 1e7,
+        radius: ArrayLike = 0.0,
     ) -> None:
         """Adds the body where the mesh lies.
 
         shape: tetrahedra, or a closed triangle surface, whose inside `tetrahedralize` meshes. density [kg/m^3];
-        youngs_modulus [Pa]: times the volume, it resists stretch and shear. Raises SceneError for numbers out of range,
+        youngs_modulus [Pa]: times the volume, it resists stretch and shear; radius: of the surface, see `Body` [m].
+
+        Raises SceneError for numbers out of range,
         NameTakenError, MeshError.
         """
         check_density(name, density, "kg/m^3")
         if not youngs_modulus > 0:
             raise SceneError(f"{name}: youngs_modulus must be positive, got {youngs_modulus} Pa")
         shape = tetrahedra_of(shape)
-        super().__init__(scene, name)
+        super().__init__(scene, name, radius)
+        self.contact_modulus = youngs_modulus
         self.rest, self.cells, self.triangles = shape.vertices, {"tetra": shape.tets}, shape.surface_triangles()
         self.body = self.mesh.add_primitive("body", num_instances=1)
         center = shape.vertices.mean(axis=0)
@@ -47,6 +52,7 @@ class AffineBody(Body):
         orthogonality = materials.affine_orthogonality(matrix, stiffness)
         self.add_energy(self.body.add_attribute("orthogonality", computed_attribute=orthogonality))
         self.targets, self.falling = (matrix, translation), (translation,)
+        self.arms = {matrix: float(np.linalg.norm(shape.vertices - center, axis=1).max())}
 
         self.vertices = self.mesh.add_primitive("vertices", num_instances=len(shape.vertices))
         of_body = self.vertices.add_connectivity("of_body", self.body, np.zeros(len(shape.vertices), int), 1)

@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from types import MappingProxyType
 
 import numpy as np
+from numpy.typing import ArrayLike
 
-from yasps import Attribute, Mesh, Primitive, Scene, SceneError
+from yasps import Attribute, DataError, Mesh, Primitive, Scene, SceneError
+from yasps.frontend.language.arrays import real_numbers
 from yasps.meshes.tetrahedral_mesh import Float64Array, Int32Array
 
 
@@ -18,10 +21,13 @@ class Body:
     - mesh: of the scene, by the body's name. vertices: its primitive, with `position` [m] and `rest_position` [m],
       and, unless the body is fixed, `mass` [kg].
     - rest: positions at rest, [n, 3].
-    - triangles: surface that takes part in contact, [m, 3].
+    - triangles: surface that takes part in contact, [m, 3]; edges: [k, 2], those of rods, in no triangle; points: ids
+      of loose vertices that take part.
+    - contact_modulus: how stiff the material is [Pa], for the default stiffness of contact; infinite for an obstacle.
     - cells: what output shows, by the names of meshio.
     - energies: what the body added to the scene.
     - targets: stored variables that move the body; falling: those of them that a uniform acceleration moves.
+    - arms: of targets that are no positions, how far at most a vertex moves for a unit of the target [m].
     - meets_itself: whether its surface can meet itself; a stiff body's can't.
     """
 
@@ -29,12 +35,23 @@ class Body:
     vertices: Primitive
     rest: Float64Array
     triangles: Int32Array
+    edges: Int32Array = np.empty((0, 2), np.int32)
+    points: Int32Array = np.empty(0, np.int32)
+    contact_modulus: float = np.inf
     cells: Mapping[str, Int32Array]
     targets: tuple[Attribute, ...] = ()
     falling: tuple[Attribute, ...] = ()
     meets_itself: bool = True
+    arms: Mapping[Attribute, float] = MappingProxyType({})
 
-    def __init__(self, scene: Scene, name: str) -> None:
+    def __init__(self, scene: Scene, name: str, radius: ArrayLike = 0.0) -> None:
+        """Adds the mesh. radius: half the thickness of its surface, one or one a vertex [m].
+
+        Raises NameTakenError, DataError for radii that are no lengths.
+        """
+        self.radius = real_numbers(radius, f"the radius of {name}")
+        if self.radius.ndim > 1 or (self.radius < 0).any():
+            raise DataError(f"the radius of {name} is a length >= 0, or one for each vertex, got {radius!r}")
         self.scene = scene
         self.name = name
         self.mesh = scene.add_mesh(name)
@@ -63,6 +80,12 @@ class Body:
     def positions(self) -> Float64Array:
         """Current positions of its vertices [m], [n, 3]."""
         return self.position.compute().array.reshape(-1, 3)
+
+    def radii(self) -> Float64Array:
+        """The radius of each vertex [m], [n]. Raises DataError for a radius of another number of vertices."""
+        if self.radius.shape not in ((), (len(self.rest),)):
+            raise DataError(f"{self.name} has {len(self.rest)} vertices and {len(self.radius)} radii")
+        return np.broadcast_to(self.radius, (len(self.rest),))
 
     def add_energy(self, energy: Attribute, projection: str = "clamp") -> None:
         """Registers an energy [J] of this body with the scene, so that it goes when the body goes."""

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from numpy.typing import ArrayLike
+
 from yasps import Scene, materials
 from yasps.bodies.body import Body, check_density
 from yasps.meshes import TriangleMesh, hinge_stiffness, hinges_of, triangle_vertex_masses
@@ -27,16 +29,21 @@ class Cloth(Body):
         bending: float = 1e-5,
         compression: float = 1.0,
         warp: tuple[float, float, float] = (1.0, 0.0, 0.0),
+        radius: ArrayLike = 0.0,
     ) -> None:
         """Adds the cloth, at rest where the mesh lies.
 
         area_density [kg/m^2]; stretch, shear [J/m^2]; bending [J]; compression: share of `stretch` that resists
-        shortening; warp: direction of the warp threads, projected into each triangle. Raises SceneError,
-        NameTakenError.
+        shortening; warp: direction of the warp threads, projected into each triangle; radius: half the thickness, see
+        `Body` [m]. Its contact modulus is `stretch` over the thickness, or over that of a cloth of 1000 kg/m^3.
+
+        Raises SceneError, NameTakenError.
         """
         check_density(name, area_density, "kg/m^2")
         inverse, area = materials.rest_triangles(shape.vertices, shape.triangles, warp)
-        super().__init__(scene, name)
+        super().__init__(scene, name, radius)
+        thickness = 2 * float(self.radius.mean()) or area_density / 1000.0
+        self.contact_modulus = stretch / thickness
         self.rest, self.cells, self.triangles = shape.vertices, {"triangle": shape.triangles}, shape.triangles
         self.vertices = self.mesh.add_primitive("vertices", num_instances=len(shape.vertices))
         position = self.vertices.add_attribute("position", rows=3, cols=1, value=shape.vertices)

@@ -2,17 +2,26 @@
 
 from __future__ import annotations
 
-from yasps import Scene
+import numpy as np
+from numpy.typing import ArrayLike
+
+from yasps import DataError, Scene
 from yasps.bodies.body import Body
+from yasps.contact import Plane
+from yasps.frontend.language.arrays import real_numbers
 from yasps.meshes import TriangleMesh, ground
+from yasps.meshes.tetrahedral_mesh import Float64Array
 
 
 class Obstacle(Body):
     """A fixed surface. `vertices`: `position` and `rest_position`, both constant."""
 
-    def __init__(self, scene: Scene, name: str, shape: TriangleMesh) -> None:
-        """Adds the obstacle where the mesh lies. Raises NameTakenError."""
-        super().__init__(scene, name)
+    def __init__(self, scene: Scene, name: str, shape: TriangleMesh, *, radius: ArrayLike = 0.0) -> None:
+        """Adds the obstacle where the mesh lies; radius: of the surface, see `Body` [m].
+
+        Raises NameTakenError, DataError.
+        """
+        super().__init__(scene, name, radius)
         self.rest, self.cells, self.triangles = shape.vertices, {"triangle": shape.triangles}, shape.triangles
         self.vertices = self.mesh.add_primitive("vertices", num_instances=len(shape.vertices))
         self.vertices.add_constant("position", rows=3, cols=1, value=shape.vertices)
@@ -26,3 +35,44 @@ class Ground(Obstacle):
         """height: z [m]; size: length of a side [m], its middle above the origin. Raises MeshError, NameTakenError."""
         super().__init__(scene, name, ground((size, size), height))
         self.height = height
+
+
+class HalfSpace(Body):
+    """All that is below a plane, without end: the ground, a slope, a wall.
+
+    Bodies stay out of it with their vertices alone, so each vertex carries the whole area that it stands for. It has no
+    vertices itself; `shape` is a square for pictures.
+    """
+
+    def __init__(
+        self,
+        scene: Scene,
+        name: str = "ground",
+        *,
+        normal: ArrayLike = (0.0, 0.0, 1.0),
+        height: float = 0.0,
+        size: float = 10.0,
+    ) -> None:
+        """normal: out of the half-space, of any length but 0; height: of the plane over the origin along the normal
+        [m]; size: side of the square that pictures show [m]. Raises DataError, NameTakenError.
+        """
+        direction = real_numbers(normal, f"the normal of {name}")
+        length = float(np.linalg.norm(direction))
+        if direction.shape != (3,) or not length > 0:
+            raise DataError(f"the normal of {name} is a vector [3] that is not 0, got {normal!r}")
+        super().__init__(scene, name)
+        direction = direction / length
+        self.plane = Plane(name, tuple(direction.tolist()), tuple((height * direction).tolist()))
+        self.rest = np.empty((0, 3))
+        self.triangles = np.empty((0, 3), np.int32)
+        across = np.cross(direction, np.eye(3)[np.argmin(np.abs(direction))])
+        across /= np.linalg.norm(across)
+        other = np.cross(direction, across)
+        corners = [0.5 * size * (i * across + j * other) for i, j in ((-1, -1), (1, -1), (1, 1), (-1, 1))]
+        self.shape = TriangleMesh(np.array(corners) + height * direction, np.array([[0, 1, 2], [0, 2, 3]]))
+        self.cells = {}
+        self.vertices = self.mesh.add_primitive("vertices", num_instances=0, is_dynamic=True)
+
+    def positions(self) -> Float64Array:
+        """None, [0, 3]."""
+        return self.rest

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from numpy.typing import ArrayLike
+
 from yasps import Scene, materials
 from yasps.bodies.body import Body, check_density
 from yasps.meshes import TetrahedralMesh, TriangleMesh, tetrahedra_of
@@ -23,16 +25,20 @@ class SoftBody(Body):
         density: float = 1000.0,
         youngs_modulus: float = 1e5,
         poisson_ratio: float = 0.4,
+        radius: ArrayLike = 0.0,
     ) -> None:
         """Adds the body, at rest where the mesh lies.
 
         shape: tetrahedra, or a closed triangle surface, whose inside `tetrahedralize` meshes. density [kg/m^3];
-        youngs_modulus [Pa]. Raises SceneError for numbers out of range, NameTakenError, MeshError.
+        youngs_modulus [Pa]; radius: of the surface, see `Body` [m].
+
+        Raises SceneError for numbers out of range, NameTakenError, MeshError.
         """
         mu, lam = materials.stable_neo_hookean_parameters(youngs_modulus, poisson_ratio)
         check_density(name, density, "kg/m^3")
         shape = tetrahedra_of(shape)
-        super().__init__(scene, name)
+        super().__init__(scene, name, radius)
+        self.contact_modulus = youngs_modulus
         self.rest, self.cells, self.triangles = shape.vertices, {"tetra": shape.tets}, shape.surface_triangles()
         self.vertices = self.mesh.add_primitive("vertices", num_instances=len(shape.vertices))
         position = self.vertices.add_attribute("position", rows=3, cols=1, value=shape.vertices)

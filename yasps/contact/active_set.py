@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -42,6 +42,21 @@ class Pairs:
 
 
 @dataclass(frozen=True)
+class PlanePairs(Pairs):
+    """Vertices near half-spaces, sorted by half-space and vertex."""
+
+    planes: Ids
+    """[n]: the number of the half-space."""
+
+    @classmethod
+    def of(cls, vertices: Ids, planes: Ids) -> PlanePairs:
+        """Pairs of vertices and planes, [n] each."""
+        count = len(planes)
+        none = np.zeros((count, 2), np.int32)
+        return cls(vertices.reshape(-1, 1), np.ones(count), none, none, np.ones(count), planes)
+
+
+@dataclass(frozen=True)
 class ActiveSet:
     """All pairs whose gap is below the activation distance, one array per formula.
 
@@ -74,7 +89,9 @@ class ActiveSet:
     minimum_distance: float
     """Smallest distance of all pairs above; infinity when there are none."""
     minimum_gap: float
-    """Smallest gap of all pairs above; infinity when there are none."""
+    """Smallest gap of all pairs, those of half-spaces, too; infinity when there are none."""
+    half_space: PlanePairs | None = None
+    """Vertices near half-spaces, if there are half-spaces. Distance of point and plane."""
 
     @property
     def overlaps(self) -> bool:
@@ -84,6 +101,15 @@ class ActiveSet:
     def kinds(self) -> dict[str, Pairs]:
         """Every array of pairs by its field's name."""
         return {name: value for name, value in vars(self).items() if isinstance(value, Pairs)}
+
+    def with_half_spaces(self, pairs: PlanePairs, least: float) -> ActiveSet:
+        """The same with these vertices near half-spaces, the nearest of them at the distance `least`."""
+        return replace(
+            self,
+            half_space=pairs,
+            minimum_distance=min(self.minimum_distance, least),
+            minimum_gap=min(self.minimum_gap, least),
+        )
 
     def __len__(self) -> int:
         """Number of entries, one with a weight above 1 counted once."""

@@ -4,48 +4,32 @@ The energies are written once, over a primitive union of vertices; JOIN and UNIO
 vertices, affine bodies or anything else. Collision geometry (which pairs are close, how far a step may go) is in
 collision_geometry.py.
 
-Li et al. 2020; paper, section 4.6.3 and eq. 8. Distances enter squared.
+Li et al. 2020 and 2023; paper, section 4.6.3 and eq. 8. Distances enter squared.
 """
 
 from __future__ import annotations
 
 import logging
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from yasps import Attribute, FloatArray, IntersectionError, Mesh, Primitive, PrimitiveBase, PrimitiveUnion, SceneError
-from yasps.contact.active_set import ActiveSet, Pairs
+from yasps import Attribute, FloatArray, IntersectionError, Mesh, PrimitiveBase, PrimitiveUnion, SceneError
+from yasps.contact.active_set import ActiveSet, Ids, Pairs, PlanePairs
+from yasps.contact.barrier import BARRIERS
 from yasps.contact.collision_geometry import Candidates, CollisionGeometry
-from yasps.contact.kinds import KINDS
-from yasps.contact.surface_arguments import checked_points
+from yasps.contact.contact_table import ContactLaws, ContactTable, laws_of
+from yasps.contact.half_spaces import HalfSpaces, Plane
+from yasps.contact.kinds import HALF_SPACE, KINDS
+from yasps.contact.pair_primitive import ContactParts, PairPrimitive
+from yasps.contact.surface_arguments import checked_points, checked_radii
+from yasps.contact.surface_measures import SurfaceMeasures, add_surface_points
 from yasps.frontend.language.arrays import positive_number
 from yasps.frontend.language.in_scene import InScene
 from yasps.frontend.language.scene_lock import one_thread_at_a_time
 
 LOGGER = logging.getLogger("yasps")
-
-
-def barrier(squared_distance: Attribute, squared_reach: Attribute, stiffness: Attribute) -> Attribute:
-    """kappa (D - H)^2 log(D / H)^2 of a squared distance 0 < D < H = d_hat^2 (paper, eq. 8).
-
-    It grows without bound as D goes to 0 and reaches 0 at H with three continuous derivatives. stiffness [J/m^4].
-    """
-    gap = squared_distance - squared_reach
-    ratio = (squared_distance / squared_reach).log()
-    return stiffness * gap * gap * ratio * ratio
-
-
-def mollifier(first: Attribute, second: Attribute, threshold: Attribute) -> Attribute:
-    """(c/e) (2 - c/e) with c = |u x v|^2 < e: takes the barrier of two edges to 0 as they become parallel.
-
-    Li et al. 2020, eq. 24. threshold e = 1e-3 |U|^2 |V|^2 of the edges at rest.
-    """
-    normal = first.cross(second)
-    ratio = normal.dot(normal) / threshold
-    return ratio * (2 - ratio)
-
 
 MARGIN = 0.25
 """Ways that leave another by less than this many activation distances share its candidates: a larger margin saves
@@ -55,16 +39,25 @@ searches, but brings more pairs to measure at every trial step."""
 class BarrierContact(InScene):
     """Contact of a scene's surface with itself: one dynamic primitive and one energy for each kind of close pair.
 
-    mesh: where the primitives are added (and its constants `squared_reach` [m^2] and `stiffness` [J/m^4]).
+    mesh: where the primitives are added (and its constants `reach` [m] and `squared_reach` [m^2]).
     vertices: a primitive or union with a 3x1 attribute `position`. triangles: [m, 3] into it, the whole surface; edges:
-    [k, 2], those of rods and curves, which are in no triangle. Vertices in none of them take no part, which the logger
-    `yasps` says (level INFO); an object all of whose vertices are loose is refused.
-    activation_distance: pairs closer than this repel [m]. stiffness [J/m^4]: kappa of eq. 8.
-    rest_positions: [n, 3], where all vertices are at rest: the edges' lengths there say from when on two edges count as
-    parallel. Default: the positions now, which is right if nothing is deformed now.
+    [k, 2], those of rods and curves, which are in no triangle; points: ids of loose vertices, which are in neither
+    and take part. Other vertices take no part, which the logger `yasps` says (level INFO); an object all of whose
+    vertices are loose is refused.
+
+    activation_distance: pairs closer than this repel [m]. barrier: "log", whose stiffness is a pressure [Pa] that does
+    not depend on mesh, activation distance and time step; or "paper", eq. 8, with a stiffness in J/m^4 and no areas.
+    stiffness: of all pairs of which the table says nothing; default: a tenth of the smaller of the moduli, object name
+    -> contact modulus [Pa] (infinite for those that are not named). table: friction and stiffness of pairs of objects.
+    planes: half-spaces that all vertices stay out of.
+
+    radii: [n] or one, the thickness of the surface around its vertices [m]: pairs touch where they are as far apart as
+    the sum of their radii, which are interpolated along edges and triangles.
+    rest_positions: [n, 3], where all vertices are at rest, or None for the attribute `rest_position` of the vertices;
+    where there is none, the positions now. Areas are of them, and the lengths from when on two edges are parallel.
     fixed: [n] bool, vertices that no energy moves. group: [n] int, pairs inside one group (of a stiff body, say) don't
-    repel; negative means no group. objects: name -> number of vertices in order, for messages; default: the members
-    of the union.
+    repel; negative means no group. objects: name -> number of vertices in order, for messages, moduli and the table;
+    default: the members of the union.
 
     Every state that `minimize` accepts is joined to the one before it by a way without collision. Positions that were
     changed from outside in between are held against the last accepted ones, see `check_way` and `reset`.
@@ -80,16 +73,26 @@ class BarrierContact(InScene):
         triangles: ArrayLike,
         *,
         activation_distance: float,
-        stiffness: float,
+        stiffness: float | None = None,
+        barrier: str = "log",
+        table: ContactTable | None = None,
+        moduli: Mapping[str, float] | None = None,
+        planes: Sequence[Plane] = (),
         edges: ArrayLike | None = None,
+        points: ArrayLike | None = None,
+        radii: ArrayLike = 0.0,
         rest_positions: ArrayLike | None = None,
         fixed: ArrayLike | None = None,
         group: ArrayLike | None = None,
         objects: Mapping[str, int] | None = None,
         projection: str = "clamp",
     ) -> None:
-        stiffness = positive_number(stiffness, "contact stiffness", "J/m^4", SceneError)
-        for name in ("squared_reach", "stiffness", "at_rest", *KINDS):
+        if barrier not in BARRIERS:
+            raise SceneError(f"barrier is one of {', '.join(map(repr, BARRIERS))}, got {barrier!r}")
+        law = BARRIERS[barrier]
+        if stiffness is not None or barrier == "paper":
+            stiffness = positive_number(stiffness, "contact stiffness", law.unit, SceneError)
+        for name in (*_OWN_NAMES, *KINDS):
             mesh.check_child_name(name, "a part of contact")
         self.position = vertices["position"]
         if self.position.shape != (3, 1):
@@ -97,7 +100,15 @@ class BarrierContact(InScene):
         self._lock = mesh.scene.lock
         positions = self.positions()
         objects = _members_of(vertices) if objects is None else objects
-        rest = positions if rest_positions is None else checked_points(rest_positions, "rest_positions", len(positions))
+        thickness = checked_radii(radii, len(positions))
+        rest = None if rest_positions is None else checked_points(rest_positions, "rest_positions", len(positions))
+        has_own_rest = rest is None and "rest_position" in vertices
+        if rest is None:
+            rest = vertices["rest_position"].compute().array.reshape(-1, 3) if has_own_rest else positions
+        moduli = {} if moduli is None or barrier == "paper" else moduli
+        self.laws = laws_of(
+            table or ContactTable(), objects, moduli, [plane.name for plane in planes], stiffness=stiffness
+        )
         self.geometry = CollisionGeometry(
             rest,
             triangles,
@@ -106,36 +117,55 @@ class BarrierContact(InScene):
             fixed=fixed,
             group=group,
             objects=objects,
+            improved_max=barrier != "paper",
             runtime=mesh.scene.runtime,
         )
-        self.geometry.check_intersection_free(positions)
+        meets = self.laws.enabled[self.laws.plane_class][:, self.laws.class_of] & self.geometry.taking_part
+        if fixed is not None:
+            meets = meets & ~np.asarray(fixed, np.bool_)
+        self.half_spaces = HalfSpaces(planes, meets, thickness, activation_distance)
+        self.check_intersection_free(positions)
         _announce_loose_vertices(self.geometry, objects)
-        reach = mesh.add_constant("squared_reach", 1, 1, value=activation_distance**2)
-        kappa = mesh.add_constant("stiffness", 1, 1, value=stiffness)
-        at_rest = mesh.add_primitive("at_rest", len(rest))
-        rest_position = at_rest.add_constant("position", 3, 1, value=rest)
-        self.primitives: dict[str, Primitive] = {}
-        for name, kind in KINDS.items():
-            primitive = mesh.add_primitive(name, 0, is_dynamic=True)
-            pairs = primitive.add_connectivity("vertices", vertices, [], kind.arity)
-            x = primitive.add_attribute("positions", through=pairs, source=self.position)
-            weight = primitive.add_constant("weight", 1, 1)
-            energy = weight * barrier(kind.squared_distance(x), reach, kappa)
-            if kind.edges is not None:
-                same = primitive.add_connectivity("at_rest", at_rest, [], kind.arity)
-                x0 = primitive.add_attribute("rest_positions", through=same, source=rest_position)
-                (a, b), (c, d) = kind.edges
-                first, second = x0.row(b) - x0.row(a), x0.row(d) - x0.row(c)
-                threshold = 1e-3 * first.dot(first) * second.dot(second)
-                energy = energy * mollifier(x.row(b) - x.row(a), x.row(d) - x.row(c), threshold)
-            mesh.scene.add_energy(primitive.add_attribute("barrier", computed_attribute=energy), projection=projection)
-            self.primitives[name] = primitive
+        self.parts = _add_parts(
+            mesh,
+            vertices,
+            self.geometry,
+            self.laws,
+            self.half_spaces,
+            barrier=barrier,
+            rest=None if has_own_rest else rest,
+            radii=thickness,
+        )
+        self.primitives: dict[str, PairPrimitive] = {}
+        kinds = KINDS | ({"half_space": HALF_SPACE} if len(planes) else {})
+        for name, kind in kinds.items():
+            pairs = PairPrimitive(self.parts, name, kind)
+            x = pairs.corners("positions", self.position)
+            energy = pairs.weight * law.energy(*pairs.excess(x), pairs.scale(pairs.of_law("stiffness")))
+            energy = pairs.mollified(energy, x)
+            barrier_energy = pairs.primitive.add_attribute("barrier", computed_attribute=energy)
+            mesh.scene.add_energy(barrier_energy, projection=projection)
+            self.primitives[name] = pairs
         self._given: dict[str, Pairs] = {}
         self._kept: Candidates | None = None
         self._where = positions
         self._accepted = positions
-        self.active = self.geometry.active_set(positions)
+        self.active = self._close_pairs(positions)
         self._apply(self.active)
+
+    @property
+    def energies(self) -> list[Attribute]:
+        """The barriers of all kinds."""
+        return [pairs.primitive["barrier"] for pairs in self.primitives.values()]
+
+    def _close_pairs(self, positions: FloatArray, candidates: Candidates | None = None) -> ActiveSet:
+        active = self.geometry.active_set(positions, candidates)
+        return active.with_half_spaces(*self.half_spaces.close(positions)) if len(self.half_spaces) else active
+
+    def check_intersection_free(self, positions: FloatArray) -> None:
+        """Raises IntersectionError, with names, if surfaces cross or touch, or something is in a half-space."""
+        self.geometry.check_intersection_free(positions)
+        self.half_spaces.check_free(positions, self.geometry._name)
 
     def positions(self) -> FloatArray:
         """Current positions of all vertices, [n, 3]."""
@@ -173,7 +203,7 @@ class BarrierContact(InScene):
         Raises IntersectionError if surfaces cross or touch there; the last positions are kept then.
         """
         where = self.positions()
-        self.geometry.check_intersection_free(where)
+        self.check_intersection_free(where)
         self.update(where)
         self.accept(where)
 
@@ -186,7 +216,7 @@ class BarrierContact(InScene):
         """
         where = self.positions() if positions is None else positions
         if not np.array_equal(where, self._where):
-            self.active = self.geometry.active_set(where, candidates)
+            self.active = self._close_pairs(where, candidates)
             self._where = np.array(where)
             self._apply(self.active)
         return self.active
@@ -204,7 +234,8 @@ class BarrierContact(InScene):
             self._kept = geometry.candidates(start, end, margin=MARGIN * geometry.activation_distance)
         if self._is_short(start, end):
             return 1.0, self._kept
-        return geometry.step_bound(start, end, self._kept, start_is_free=True), self._kept
+        step = geometry.step_bound(start, end, self._kept, start_is_free=True)
+        return min(step, self.half_spaces.step_bound(start, end)), self._kept
 
     def _is_short(self, start: FloatArray, end: FloatArray) -> bool:
         """Is the way so short that even two vertices that run towards each other keep a tenth of the smallest distance?
@@ -220,13 +251,61 @@ class BarrierContact(InScene):
 
     def _apply(self, active: ActiveSet) -> None:
         for name, pairs in active.kinds().items():
-            if name in self._given and pairs.same_as(self._given[name]):
+            if name not in self.primitives or (name in self._given and pairs.same_as(self._given[name])):
                 continue
             self._given[name] = pairs
-            parts = {"vertices": pairs.vertices, "weight": pairs.weight}
-            if KINDS[name].edges is not None:
-                parts["at_rest"] = pairs.vertices
-            self.primitives[name].update(**parts)
+            self.primitives[name].update(pairs, self.laws_of_pairs(name, pairs))
+
+    def laws_of_pairs(self, name: str, pairs: Pairs) -> Ids:
+        """The number of the law of each pair of a kind, [n]."""
+        if isinstance(pairs, PlanePairs):
+            return self.laws.of_planes(pairs.vertices[:, 0], pairs.planes)
+        first, second = KINDS[name].sides
+        return self.laws.of(pairs.vertices[:, first], pairs.vertices[:, second])
+
+
+_OWN_NAMES = ("reach", "squared_reach", "laws", "planes", "half_space", "surface_points", "surface_triangles")
+"""What contact adds to its mesh besides the kinds of pairs."""
+
+
+def _add_parts(
+    mesh: Mesh,
+    vertices: PrimitiveBase,
+    geometry: CollisionGeometry,
+    laws: ContactLaws,
+    half_spaces: HalfSpaces,
+    *,
+    barrier: str,
+    rest: FloatArray | None,
+    radii: FloatArray,
+) -> ContactParts:
+    """Constants and primitives that all kinds read; rest: None for the attribute `rest_position` of the vertices."""
+    distance = geometry.activation_distance
+    reach = mesh.add_constant("reach", 1, 1, value=distance)
+    squared_reach = mesh.add_constant("squared_reach", 1, 1, value=distance**2)
+    law = mesh.add_primitive("laws", len(laws.stiffness))
+    for name in ("stiffness", "friction", "kinetic_friction"):
+        law.add_constant(name, 1, 1, value=getattr(laws, name))
+    planes = None
+    if len(half_spaces):
+        planes = mesh.add_primitive("planes", len(half_spaces))
+        planes.add_constant("normal", 3, 1, value=half_spaces.normals)
+        planes.add_constant("point", 3, 1, value=half_spaces.points)
+    points = add_surface_points(mesh, vertices, rest, radii)
+    varying = [radii[geometry.triangles], radii[geometry.edges]]
+    return ContactParts(
+        mesh=mesh,
+        vertices=vertices,
+        points=points,
+        laws=law,
+        planes=planes,
+        reach=reach,
+        squared_reach=squared_reach,
+        measures=SurfaceMeasures(mesh, points, geometry, radii) if barrier != "paper" else None,
+        barrier=BARRIERS[barrier],
+        is_thick=bool(radii.any()),
+        radii_vary=any(bool((part != part[:, :1]).any()) for part in varying),
+    )
 
 
 def _members_of(vertices: PrimitiveBase) -> dict[str, int]:

@@ -71,7 +71,7 @@ class CollisionGeometry(Uncopied):
         *,
         edges: ArrayLike | None = None,
         points: ArrayLike | None = None,
-        radii: ArrayLike | None = None,
+        radii: ArrayLike = 0.0,
         fixed: ArrayLike | None = None,
         group: ArrayLike | None = None,
         class_of: ArrayLike | None = None,
@@ -86,9 +86,9 @@ class CollisionGeometry(Uncopied):
         edges count as parallel. `triangles` [m, 3]: ids. `activation_distance` > 0: pairs closer than this are
         active. `edges` [k, 2]: further edges, of rods and curves; their ends meet triangles, and they meet all
         edges. `points` [p]: ids of loose vertices, in no triangle or edge, that meet triangles, those edges that are in
-        no triangle, and each other. `radii` [n] >= 0: surfaces are that thick at each vertex, on either side; see
-        below. `fixed` [n] bool: vertices that no energy moves; no pair of only fixed vertices is reported. `group`
-        [n] int: no pair inside one group is reported; negative means no group. `class_of` [n] int, `allowed` [c, c]
+        no triangle, and each other. `radii` >= 0, one or [n]: surfaces are that thick at each vertex, on either
+        side; see below. `fixed` [n] bool: vertices that no energy moves; no pair of only fixed vertices is reported.
+        `group` [n] int: no pair inside one group is reported; negative means no group. `class_of` [n] int, `allowed` [c, c]
         bool: pairs of classes that are not allowed are neither reported nor do they cross. `objects`: name -> number of
         vertices, in the order of the union; default: all are one. `improved_max`: entries of the active set have counts
         and edges; a vertex counts at all triangles near it as often as at its nearest alone, once. `runtime`: loaded if
@@ -114,6 +114,7 @@ class CollisionGeometry(Uncopied):
 
         loose = checked_vertices(points, faces, lines, self.vertex_count)
         thick = checked_radii(radii, self.vertex_count)
+        is_thick = bool(thick.any())
 
         # The collision mesh numbers only the vertices that take part; `full_id` leads back.
         full_id, local = np.unique(np.concatenate([faces.ravel(), lines.ravel(), loose]), return_inverse=True)
@@ -138,11 +139,23 @@ class CollisionGeometry(Uncopied):
             runtime or load_runtime(find_compiler()),
             Pieces(full_id, edges_of_scene, self.triangles, loose, edges_of_scene[is_free]),
             np.full(self.vertex_count, -1, np.int32) if labels is None else labels,
-            None if thick is None else Thickness(thick, objects_of_vertices(self._objects, self.vertex_count), reach),
+            Thickness(thick, objects_of_vertices(self._objects, self.vertex_count), reach) if is_thick else None,
             classes,
         )
         self.edges: Ids = self._surface.edges
         self.edges.flags.writeable = self.triangles.flags.writeable = False
+
+    @property
+    def objects(self) -> dict[str, int]:
+        """Name -> number of vertices, in the order of the scene; one without a name if none were given."""
+        return {name: end - first for name, first, end in self._objects} or {"": self.vertex_count}
+
+    def rest_areas(self) -> Floats:
+        """A third of the area of the triangles around each vertex at rest [m^2], [n]."""
+        corners = self.triangles
+        x = self._rest[corners]
+        areas = np.linalg.norm(np.cross(x[:, 1] - x[:, 0], x[:, 2] - x[:, 0]), axis=1) / 6
+        return np.bincount(corners.ravel(), np.repeat(areas, 3), minlength=self.vertex_count).astype(np.float64)
 
     # --- intersections ---
 
@@ -160,6 +173,11 @@ class CollisionGeometry(Uncopied):
         full = self._checked(positions, "positions")
         self._require_no_crossing(full, "positions")
         self._require_gap(full, "positions")
+
+    def crossings(self, positions: ArrayLike) -> tuple[Ids, Ids]:
+        """All edges that meet triangles at `positions` [n, 3] (touching counts): their ends [k, 2], and the numbers [k]
+        of the triangles. Slow where there are many."""
+        return self._crossings.all(self._checked(positions, "positions"))
 
     # --- pairs ---
 
@@ -337,11 +355,11 @@ class CollisionGeometry(Uncopied):
     def _require_no_crossing(self, positions: Floats, name: str) -> None:
         if not self._crossings.exist(positions):
             return
-        crossings = self._crossings.all(positions)
-        edge, face = crossings[0]
+        edges, triangles = self._crossings.all(positions)
+        face = self.triangles[triangles[0]]
         raise IntersectionError(
-            f"{name}: {len(crossings)} edges cross or touch triangles; first: edge ({self._names(edge)})"
-            f" and triangle ({self._names(face)}). Move the objects apart (contact needs a positive distance"
+            f"{name}: {len(edges)} edges cross or touch triangles; first: edge ({self._names(edges[0].tolist())})"
+            f" and triangle ({self._names(face.tolist())}). Move the objects apart (contact needs a positive distance"
             " everywhere), or put objects that may overlap into one group"
         )
 

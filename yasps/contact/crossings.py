@@ -29,10 +29,10 @@ class Crossings:
         surface = self._of_surface(positions)
         if not ipctk.has_intersections(self._mesh, surface, ipctk.LBVH()):
             return False
-        return self._classes is None or len(self.all(positions)) > 0
+        return self._classes is None or len(self.all(positions)[0]) > 0
 
-    def all(self, positions: Floats) -> list[tuple[list[int], list[int]]]:
-        """All (edge, triangle), as sorted vertex ids; slow."""
+    def all(self, positions: Floats) -> tuple[Ids, Ids]:
+        """The ends [k, 2] of all such edges and the numbers [k] of the triangles, sorted; slow."""
         surface = self._of_surface(positions)
         boxes = ipctk.LBVH()
         boxes.can_vertices_collide = self._mesh.can_collide
@@ -44,8 +44,9 @@ class Crossings:
             if not self._meet(self._full_id[edge[0]], self._full_id[face[0]]):
                 continue
             if ipctk.is_edge_intersecting_triangle(*surface[edge], *surface[face]):
-                found.append((self._full_id[edge].tolist(), self._full_id[face].tolist()))
-        return sorted(found)
+                found.append((*self._full_id[edge].tolist(), pair.face_id))
+        table = np.array(sorted(found), np.int32).reshape(-1, 3)
+        return table[:, :2], table[:, 2]
 
     def _meet(self, vertex: int, other: int) -> bool:
         return self._classes is None or bool(self._classes.meet[self._classes.of[vertex], self._classes.of[other]])

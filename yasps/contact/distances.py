@@ -32,3 +32,9 @@ def squared_line_line(x: Attribute) -> Attribute:
     normal = first.cross(second)
     height = offset.dot(normal)
     return height * height / normal.dot(normal)
+
+
+def squared_point_half_space(x: Attribute) -> Attribute:
+    """Squared distance of point 0 and the plane through point 2 with the unit normal in row 1."""
+    height = (x.row(0) - x.row(2)).dot(x.row(1))
+    return height * height

@@ -9,7 +9,13 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 from yasps import Attribute, concat_cols, concat_rows, constant, maximum, minimum, select
-from yasps.contact.distances import squared_line_line, squared_point_line, squared_point_plane, squared_point_point
+from yasps.contact.distances import (
+    squared_line_line,
+    squared_point_half_space,
+    squared_point_line,
+    squared_point_plane,
+    squared_point_point,
+)
 
 PARALLEL = 1e-32
 """Squared sine below which two edges are parallel as far as rounding can tell."""
@@ -21,7 +27,9 @@ class Kind:
 
     arity: how many vertices it has. squared_distance(x): of the two pieces [m^2]. sides: which vertex stands for the
     body of the first piece and which for that of the second. edges: for mollified kinds the vertices that each of the
-    two edges joins.
+    two edges joins. counted: the areas of how many vertices, the first ones, count in its weight; of_edges: whether
+    those of two edges do. is_plane: the second piece is a half-space; rows 1 and 2 of x are its normal and a point of
+    it then.
 
     weights(x): closest-point weights g, arity x 1, without unit. sum_i g_i x_i = x^T g is the way from the closest
     point of the first piece to that of the second: weights of the first piece are negative and sum to -1, those of the
@@ -34,6 +42,9 @@ class Kind:
     normal: Callable[[Attribute], Attribute]
     sides: tuple[int, int] = (0, 1)
     edges: tuple[tuple[int, int], tuple[int, int]] | None = None
+    counted: int = 0
+    of_edges: bool = False
+    is_plane: bool = False
 
     def tangents(self, x: Attribute) -> Attribute:
         """Two orthonormal columns, 3x2, that span the tangent plane of both pieces."""
@@ -131,6 +142,14 @@ def _line_line_normal(x: Attribute) -> Attribute:
     return (x.row(1) - x.row(0)).cross(x.row(3) - x.row(2)).T
 
 
+def _half_space_weights(x: Attribute) -> Attribute:
+    return constant([-1.0])
+
+
+def _half_space_normal(x: Attribute) -> Attribute:
+    return x.row(1).T
+
+
 def _near_parallel_normal(x: Attribute) -> Attribute:
     """The way between the closest points: the normal of nearly parallel lines has no direction left."""
     _, s, _, t = _near_parallel_weights(x)
@@ -139,17 +158,33 @@ def _near_parallel_normal(x: Attribute) -> Attribute:
 
 
 KINDS: dict[str, Kind] = {
-    "point_point": Kind(2, squared_point_point, _point_point_weights, _point_point_normal),
-    "point_edge": Kind(3, squared_point_line, _point_line_weights, _point_line_normal),
-    "point_triangle": Kind(4, squared_point_plane, _point_plane_weights, _point_plane_normal),
-    "edge_edge": Kind(4, squared_line_line, _line_line_weights, _line_line_normal, (0, 2)),
+    "point_point": Kind(2, squared_point_point, _point_point_weights, _point_point_normal, counted=2, of_edges=True),
+    "point_edge": Kind(3, squared_point_line, _point_line_weights, _point_line_normal, counted=1, of_edges=True),
+    "point_triangle": Kind(4, squared_point_plane, _point_plane_weights, _point_plane_normal, counted=1),
+    "edge_edge": Kind(4, squared_line_line, _line_line_weights, _line_line_normal, (0, 2), of_edges=True),
     "mollified_edge_edge": Kind(
-        4, squared_line_line, _near_parallel_weights, _near_parallel_normal, (0, 2), ((0, 1), (2, 3))
+        4, squared_line_line, _near_parallel_weights, _near_parallel_normal, (0, 2), ((0, 1), (2, 3)), of_edges=True
     ),
     "mollified_point_edge": Kind(
-        4, squared_point_line, _mollified_point_line_weights, _point_line_normal, (0, 1), ((0, 3), (1, 2))
+        4,
+        squared_point_line,
+        _mollified_point_line_weights,
+        _point_line_normal,
+        (0, 1),
+        ((0, 3), (1, 2)),
+        of_edges=True,
     ),
     "mollified_point_point": Kind(
-        4, squared_point_point, _mollified_point_point_weights, _point_point_normal, (0, 1), ((0, 2), (1, 3))
+        4,
+        squared_point_point,
+        _mollified_point_point_weights,
+        _point_point_normal,
+        (0, 1),
+        ((0, 2), (1, 3)),
+        of_edges=True,
     ),
 }
+
+HALF_SPACE = Kind(
+    1, squared_point_half_space, _half_space_weights, _half_space_normal, (0, 0), counted=1, is_plane=True
+)

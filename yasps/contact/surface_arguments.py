@@ -38,6 +38,14 @@ def checked_length(value: float, name: str) -> float:
     return float(value)
 
 
+def checked_radii(radii: ArrayLike, count: int) -> Floats:
+    """Radii of all vertices [m], [count], of one or one each. Raises DataError."""
+    numbers = real_numbers(radii, "radii")
+    if numbers.shape not in ((), (count,)) or (numbers < 0).any():
+        raise DataError(f"radii are one length >= 0 or one for each of {count} vertices, got {list(numbers.shape)}")
+    return np.broadcast_to(numbers, (count,)).copy()
+
+
 def checked_ids(elements: ArrayLike, arity: int, vertex_count: int, name: str) -> Ids:
     """Vertex ids, int32 [m, arity]. Raises ConnectivityError."""
     ids = plain_array(elements, name, ConnectivityError)
@@ -71,20 +79,6 @@ def checked_vertices(points: ArrayLike | None, triangles: Ids, edges: Ids, verte
             f"points: vertex {held[0]} is in a triangle or an edge, and takes part in contact with it: leave it out"
         )
     return loose
-
-
-def checked_radii(radii: ArrayLike | None, vertex_count: int) -> Floats | None:
-    """float64 [n], each >= 0; None where all are 0. Raises DataError."""
-    if radii is None:
-        return None
-    checked = real_numbers(radii, "radii", finite=False)
-    if checked.shape != (vertex_count,):
-        raise DataError(f"radii must have shape [{vertex_count}], one for each vertex, got {list(checked.shape)}")
-    wrong = ~(np.isfinite(checked) & (checked >= 0))
-    if wrong.any():
-        first = int(np.argmax(wrong))
-        raise DataError(f"radii must be finite and >= 0, got {checked[first]} at vertex {first}")
-    return np.ascontiguousarray(checked, np.float64).copy() if checked.any() else None
 
 
 def checked_classes(

@@ -122,7 +122,7 @@ def test_what_owns_memory_of_the_runtime_is_not_copied(make_copy: Callable[[Any]
     x = vertices.add_attribute("position", 3, 1, value=corners)
     part = MovingPart(x, vertices.add_constant("p", 3, 1), vertices.add_constant("mass", 1, 1))
     for thing in (
-        BarrierContact(mesh, vertices, faces, activation_distance=0.01, stiffness=1.0),
+        BarrierContact(mesh, vertices, faces, activation_distance=0.01, barrier="paper", stiffness=1.0),
         BackwardEuler(scene, [part], 0.01),
     ):
         with pytest.raises(SceneError, match=type(thing).__name__):

@@ -17,6 +17,9 @@ KEPT = (f"{MOTION}::test_kept_candidates_find_what_ipctk_finds_anew",)
 SAFE = (f"{MOTION}::test_step_bounds_are_ipctks_and_safe", f"{GEOMETRY}::test_step_bound_stops_before_the_ground")
 DISTANCES = "yasps/contact/distances.py"
 WHERE = "yasps/contact/kinds.py"
+FRICTION = "yasps/contact/friction.py"
+SLIPS = "tests/contact/test_friction.py"
+SLIDING = (f"{SLIPS}::test_static_and_kinetic_friction_against_quadrature",)
 CLOSEST = ("tests/contact/test_kinds.py::test_closest_points_and_tangent_planes",)
 CODE, PAIRS, NEAR, MAX, ENTRY, THICK = (
     "yasps/contact/barrier_contact.py",
@@ -316,5 +319,47 @@ MUTATIONS = (
         "if (!scene.may_meet(first[0], second[0])) return true;",
         "if (!scene.may_meet(first[0], first[0])) return true;",
         ("tests/contact/test_contact_classes.py",),
+    ),
+    Mutation(
+        "friction's potential with half its cubic term",
+        FRICTION,
+        "y * share * (1 - share / 3)",
+        "y * share * (1 - share / 6)",
+        SLIDING,
+    ),
+    Mutation(
+        "friction falls to the kinetic coefficient without the integral of mu f1",
+        FRICTION,
+        "q**4 * (2.5 - q * (3 - q))",
+        "q**3 * (10 - q * (15 - 6 * q)) * q",
+        SLIDING,
+    ),
+    Mutation(
+        "friction falls from rest on",
+        FRICTION,
+        "slip.norm() / width - 1 / (KINETIC_FROM - 1)",
+        "slip.norm() / width",
+        (f"{SLIPS}::test_all_static_friction_is_there_before_it_falls",),
+    ),
+    Mutation(
+        "the normal force of the logarithm with its support squared",
+        FRICTION,
+        "(2 * d / support) * ((1 - tau)",
+        "(2 * d / reach) * ((1 - tau)",
+        (f"{SLIPS}::test_normal_force_of_the_log_barrier",),
+    ),
+    Mutation(
+        "the normal force of the paper's barrier by the squared distance",
+        FRICTION,
+        "4 * strength * d * gap",
+        "2 * strength * gap",
+        (f"{SLIPS}::test_normal_force_of_the_papers_barrier",),
+    ),
+    Mutation(
+        "friction of the sum of both ways instead of their difference",
+        FRICTION,
+        "kind.tangents(lagged).T * (way.T * kind.weights(lagged))",
+        "kind.tangents(lagged).T * (way.T * kind.weights(lagged).abs())",
+        ("tests/contact/test_friction_pairs.py::test_friction_of_pairs",),
     ),
 )

@@ -1,0 +1,197 @@
+"""How bodies meet: friction and stiffness of each pair of them, and whether they meet at all."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from yasps import SceneError
+from yasps.contact.active_set import Floats, Ids
+
+LOGGER = logging.getLogger("yasps")
+
+MODULUS_SHARE = 0.1
+"""Default stiffness of a contact over the smaller contact modulus of the two bodies (Li et al. 2023, section 6)."""
+FAR_OFF = 100.0
+"""A stiffness that differs from the default by more than this factor is announced."""
+
+
+@dataclass(frozen=True)
+class _Entry:
+    """What is said of one pair of bodies; None: as for all others."""
+
+    friction: float | None = None
+    kinetic_friction: float | None = None
+    stiffness: float | None = None
+    enabled: bool = True
+
+
+class ContactTable:
+    """Friction and stiffness of contact, for all pairs of bodies and for single ones.
+
+    friction: coefficient of Coulomb friction of pairs that `set` says nothing of; of things at rest where
+    kinetic_friction, that of things which slide, differs. stiffness [Pa]: kappa of the barrier; by default a tenth of
+    the smaller contact modulus of the two bodies.
+
+    Raises SceneError for numbers out of range.
+    """
+
+    def __init__(
+        self, friction: float = 0.0, kinetic_friction: float | None = None, stiffness: float | None = None
+    ) -> None:
+        self._default = _checked(_Entry(friction, kinetic_friction, stiffness), "the contact table")
+        self._pairs: dict[frozenset[str], _Entry] = {}
+
+    def set(
+        self,
+        first: str,
+        second: str,
+        *,
+        friction: float | None = None,
+        kinetic_friction: float | None = None,
+        stiffness: float | None = None,
+        enabled: bool = True,
+    ) -> ContactTable:
+        """Says how two bodies meet, by their names in any order; twice the same name: how a body meets itself.
+
+        enabled: False: they go through each other. What is not given is as for all other pairs. Returns the table.
+        Raises SceneError for numbers out of range.
+        """
+        what = f"contact of {first!r} and {second!r}"
+        entry = _Entry(friction, kinetic_friction, stiffness, enabled)
+        self._pairs[frozenset((first, second))] = _checked(entry, what)
+        return self
+
+    @property
+    def names(self) -> set[str]:
+        """Names of bodies that it knows."""
+        return set().union(*self._pairs)
+
+    def entry(self, first: str, second: str) -> tuple[float, float, float | None, bool]:
+        """Friction, kinetic friction, stiffness (None: the default) and whether two bodies meet."""
+        own = self._pairs.get(frozenset((first, second)), _Entry())
+        friction = self._default.friction if own.friction is None else own.friction
+        assert friction is not None
+        kinetic = own.kinetic_friction
+        if kinetic is None:
+            kinetic = self._default.kinetic_friction if own.friction is None else None
+        stiffness = self._default.stiffness if own.stiffness is None else own.stiffness
+        return friction, friction if kinetic is None else kinetic, stiffness, own.enabled
+
+
+@dataclass(frozen=True)
+class ContactLaws:
+    """The different ways in which vertices meet.
+
+    class_of: int32 [n], the class of each vertex; law_of: int32 [classes, classes], the law of two classes; enabled:
+    bool [classes, classes]; stiffness [Pa or J/m^4], friction, kinetic_friction: [laws]. plane_class: int32 [planes].
+    """
+
+    class_of: Ids
+    plane_class: Ids
+    law_of: Ids
+    enabled: NDArray[np.bool_]
+    stiffness: Floats
+    friction: Floats
+    kinetic_friction: Floats
+
+    def of(self, first: Ids, second: Ids) -> Ids:
+        """The laws of pairs of vertices, [n]."""
+        return np.asarray(self.law_of[self.class_of[first], self.class_of[second]])
+
+    def of_planes(self, vertices: Ids, planes: Ids) -> Ids:
+        """The laws of pairs of a vertex and a half-space, [n]."""
+        return np.asarray(self.law_of[self.class_of[vertices], self.plane_class[planes]])
+
+    @property
+    def has_friction(self) -> bool:
+        """Whether any law has."""
+        return bool((self.friction > 0).any() or (self.kinetic_friction > 0).any())
+
+
+def laws_of(
+    table: ContactTable,
+    objects: Mapping[str, int],
+    moduli: Mapping[str, float],
+    planes: Sequence[str] = (),
+    *,
+    stiffness: float | None = None,
+) -> ContactLaws:
+    """The laws of a scene.
+
+    objects: name -> number of vertices, in order; moduli: name -> contact modulus [Pa], infinite where it is missing;
+    planes: names of half-spaces. stiffness: of all pairs of which the table says nothing.
+
+    Raises SceneError for names in the table that nothing has, and where nothing says how stiff a contact is.
+    """
+    names = [*objects, *planes]
+    unknown = sorted(table.names - set(names))
+    if unknown:
+        raise SceneError(f"the contact table names {unknown[0]!r}, but there are only {', '.join(map(repr, names))}")
+    # Bodies of one modulus that the table does not name meet all others in the same way.
+    keys = [(name if name in table.names else "", float(moduli.get(name, np.inf))) for name in names]
+    classes = list(dict.fromkeys(keys))
+    rows: dict[tuple[float, float, float], int] = {}
+    law_of = np.zeros((len(classes), len(classes)), np.int32)
+    enabled = np.ones((len(classes), len(classes)), np.bool_)
+    softest = min((modulus for _, modulus in classes), default=np.inf)
+    for i, (one, first) in enumerate(classes):
+        for j, (other, second) in enumerate(classes[: i + 1]):
+            friction, kinetic, given, enabled[i, j] = table.entry(one, other)
+            # Two that nothing moves don't push each other; any number will do.
+            modulus = min(first, second) if np.isfinite(min(first, second)) else softest
+            kappa = _stiffness(given if given is not None else stiffness, modulus, f"{one or '*'} and {other or '*'}")
+            law_of[i, j] = law_of[j, i] = rows.setdefault((kappa, friction, kinetic), len(rows))
+            enabled[j, i] = enabled[i, j]
+    numbers = np.array(list(rows), np.float64).reshape(-1, 3)
+    index = [classes.index(key) for key in keys]
+    return ContactLaws(
+        class_of=np.repeat(np.array(index[: len(objects)], np.int32), list(objects.values())),
+        plane_class=np.array(index[len(objects) :], np.int32),
+        law_of=law_of,
+        enabled=enabled,
+        stiffness=numbers[:, 0].copy(),
+        friction=numbers[:, 1].copy(),
+        kinetic_friction=numbers[:, 2].copy(),
+    )
+
+
+def _stiffness(given: float | None, modulus: float, what: str) -> float:
+    """The stiffness of a pair; default: a share of the modulus. Announces what it takes, and what is far off."""
+    default = MODULUS_SHARE * modulus
+    if given is None:
+        if not np.isfinite(default):
+            raise SceneError(
+                "nothing says how stiff contact is: give a stiffness [Pa], or bodies with a finite contact_modulus"
+            )
+        LOGGER.info("contact of %s: stiffness %.3g Pa, a tenth of the softer modulus", what, default)
+        return default
+    if np.isfinite(default) and not default / FAR_OFF <= given <= default * FAR_OFF:
+        LOGGER.warning(
+            "contact of %s: a stiffness of %.3g Pa is far from a tenth of the softer modulus, %.3g Pa: %s",
+            what,
+            given,
+            default,
+            "surfaces come very near each other" if given < default else "steps are hard to solve",
+        )
+    return given
+
+
+def _checked(entry: _Entry, what: str) -> _Entry:
+    for name, value in vars(entry).items():
+        if name == "enabled" or value is None:
+            continue
+        if not (isinstance(value, int | float) and np.isfinite(value) and value >= 0):
+            raise SceneError(f"{name} of {what} must be a number >= 0, got {value!r}")
+    if entry.stiffness == 0:
+        raise SceneError(f"stiffness of {what} must be positive; for none at all set enabled=False")
+    if entry.friction is not None and (entry.kinetic_friction or 0.0) > entry.friction:
+        raise SceneError(
+            f"kinetic_friction of {what} is {entry.kinetic_friction}, above friction {entry.friction}: things that "
+            "slide would stick harder than things at rest"
+        )
+    return entry
