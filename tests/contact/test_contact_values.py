@@ -10,9 +10,8 @@ from collections import Counter
 import ipctk
 import numpy as np
 import pytest
-from collision_scenes import SCENES, move, union
+from collision_scenes import SCENES, move, renumbered, union
 from numpy.typing import NDArray
-from renumbered_surfaces import NAMES, renumbered
 
 from yasps import Scene
 from yasps.contact import KINDS, BarrierContact
@@ -20,6 +19,14 @@ from yasps.meshes import ground
 
 Floats = NDArray[np.float64]
 STIFFNESS = 3.5
+NAMES = (
+    "nearly parallel",
+    "shaken",
+    "edges crossing at 0.001",
+    "edges crossing at 0.015",
+    "box corner to corner",
+    "box edge across edge",
+)
 
 
 def contact_scene(free: Floats, faces: NDArray[np.int32], dhat: float) -> tuple[Scene, BarrierContact]:

@@ -12,9 +12,8 @@ from pathlib import Path
 import ipctk
 import numpy as np
 import pytest
-from collision_scenes import SCENES, move, union
+from collision_scenes import SCENES, move, renumbered, union
 from numpy.typing import NDArray
-from renumbered_surfaces import NAMES, renumbered
 
 from yasps import Attribute, Scene, SceneError
 from yasps.contact import KINDS, BarrierContact, ContactTable, Plane
@@ -25,6 +24,14 @@ STIFFNESS = 3.5
 RADIUS = 1e-3
 PLANE = Plane("ground", (0.6, 0.0, 0.8), (-60.0, 0.0, -80.0))
 SLIP_LENGTH = 1e-5
+NAMES = (
+    "nearly parallel",
+    "shaken",
+    "edges crossing at 0.001",
+    "edges crossing at 0.015",
+    "box corner to corner",
+    "box edge across edge",
+)
 MOLLIFIED = [name for name, kind in KINDS.items() if kind.edges is not None]
 
 
