@@ -88,8 +88,8 @@ class CollisionGeometry(Uncopied):
         edges. `points` [p]: ids of loose vertices, in no triangle or edge, that meet triangles, those edges that are in
         no triangle, and each other. `radii` >= 0, one or [n]: surfaces are that thick at each vertex, on either
         side; see below. `fixed` [n] bool: vertices that no energy moves; no pair of only fixed vertices is reported.
-        `group` [n] int: no pair inside one group is reported; negative means no group. `class_of` [n] int, `allowed` [c, c]
-        bool: pairs of classes that are not allowed are neither reported nor do they cross. `objects`: name -> number of
+        `group` [n] int: no pair inside one group is reported; negative means no group. `class_of` [n] int, `allowed`
+        [c, c] bool: pairs of classes that are not allowed are neither reported nor do they cross. `objects`: name -> number of
         vertices, in the order of the union; default: all are one. `improved_max`: entries of the active set have counts
         and edges; a vertex counts at all triangles near it as often as at its nearest alone, once. `runtime`: loaded if
         not given.
