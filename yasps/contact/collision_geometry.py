@@ -89,10 +89,10 @@ class CollisionGeometry(Uncopied):
         no triangle, and each other. `radii` >= 0, one or [n]: surfaces are that thick at each vertex, on either
         side; see below. `fixed` [n] bool: vertices that no energy moves; no pair of only fixed vertices is reported.
         `group` [n] int: no pair inside one group is reported; negative means no group. `class_of` [n] int, `allowed`
-        [c, c] bool: pairs of classes that are not allowed are neither reported nor do they cross. `objects`: name -> number of
-        vertices, in the order of the union; default: all are one. `improved_max`: entries of the active set have counts
-        and edges; a vertex counts at all triangles near it as often as at its nearest alone, once. `runtime`: loaded if
-        not given.
+        [c, c] bool: pairs of classes that are not allowed are neither reported nor do they cross. `objects`: name ->
+        number of vertices, in the order of the union; default: all are one. `improved_max`: entries of the active set
+        have counts and edges; a vertex counts at all triangles near it as often as at its nearest alone, once.
+        `runtime`: loaded if not given.
 
         With radii, the gap of a pair is its distance less its offset, the sum of both radii where it is closest. Pairs
         are active, and steps are bounded, by the gap. Pairs of one object whose gap at rest is less than the activation
