@@ -289,7 +289,7 @@ def test_a_hinge_in_numpys_words_is_what_numpy_computes() -> None:
 def test_every_python_block_is_run() -> None:
     """Whoever writes one more writes a test of it."""
     shown = {name.name: len(re.findall(r"```python", name.read_text(encoding="utf-8"))) for name in DOCUMENTS}
-    run = {"README.md": 1, "architecture.md": 1, "contact-and-stepping.md": 2, "gpu.md": 1, "language.md": 6}
+    run = {"README.md": 1, "architecture.md": 1, "contact-and-stepping.md": 3, "gpu.md": 1, "language.md": 6}
     assert {name: count for name, count in shown.items() if count} == run
 
 
@@ -335,8 +335,17 @@ def test_the_report_of_kernels_runs(capsys: pytest.CaptureFixture[str]) -> None:
     assert lines[-1].startswith("link ")
 
 
+def test_overlaps_are_taken_away(capsys: pytest.CaptureFixture[str]) -> None:
+    code, *_ = blocks(STEPPING, "python")
+    exec(code, {})
+    before, after = capsys.readouterr().out.splitlines()
+    promised = re.findall(r"# (.*?) ?\.\.\.$", code, re.MULTILINE)
+    assert before.startswith(promised[0])
+    assert after.startswith(promised[1])
+
+
 def test_the_cube_drops_and_drifts() -> None:
-    code, _ = blocks(STEPPING, "python")
+    _, code, _ = blocks(STEPPING, "python")
     names: dict[str, object] = {}
     exec(code + "\nmoved = (cube.positions() - cube.rest).mean(axis=0)", names)
     moved = names["moved"]
@@ -347,7 +356,7 @@ def test_the_cube_drops_and_drifts() -> None:
 
 def test_the_stepper_runs() -> None:
     """It checks for intersections itself; and the cube has landed on the ground without sinking in."""
-    _, code = blocks(STEPPING, "python")
+    *_, code = blocks(STEPPING, "python")
     names: dict[str, object] = {"__name__": "stepper"}
     exec(compile(code + "\nlowest = position.value[2::3].min()", "stepper", "exec"), names)
     lowest = names["lowest"]

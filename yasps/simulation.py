@@ -127,7 +127,7 @@ class Simulation:
             raise SceneError(f"time_step must be positive, got {time_step} s")
         self._check(bodies)
         if contact:
-            check_start(bodies)
+            check_start(bodies, self._contact_options.table)
         self.time_step = scene.add_constant("time_step", 1, 1, value=time_step)
         self.gravity = scene.add_constant("gravity", 3, 1, value=gravity)
         for body in bodies:
@@ -151,7 +151,7 @@ class Simulation:
         """
         self._check([*self.bodies, *bodies])
         if self._has_contact:
-            check_start([*self.bodies, *bodies])
+            check_start([*self.bodies, *bodies], self._contact_options.table)
         before = self._motion()
         for body in bodies:
             self._take(body)

@@ -2,15 +2,20 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import pytest
 from collision_scenes import SCENES
 from numpy.typing import NDArray
+from scipy import sparse
 
 from yasps import Scene
-from yasps.contact import BarrierContact, ContactForces, contact_forces
+from yasps.contact import BarrierContact, ContactForces, Plane, contact_forces
 
 Floats = NDArray[np.float64]
+UP = np.array([0.1, -0.2, 0.97])
+UP /= np.linalg.norm(UP)
 NAMES = (
     "nearly parallel",
     "shaken",
@@ -21,16 +26,29 @@ NAMES = (
 )
 
 
-def scene_of(name: str) -> tuple[Scene, BarrierContact]:
-    """Two free surfaces of one scene of the collision tests, as two objects."""
+def scene_of(name: str, barrier: str, radius: float = 0.0, **options: Any) -> tuple[Scene, BarrierContact]:
+    """Two free surfaces of one scene of the collision tests, as two objects over a half-space; with a radius, one that
+    varies from vertex to vertex up to it."""
     (points, faces), dhat = SCENES[name]
     scene = Scene("surface", threads=1)
     mesh = scene.add_mesh("mesh")
     vertices = mesh.add_primitive("vertices", len(points))
     position = vertices.add_attribute("position", 3, 1, value=points)
-    half = int(faces[faces[:, 0] > faces[0].max()].min()) if len(faces) > 1 else len(points)
+    ends = np.concatenate([faces[:, :2], faces[:, 1:]]).T
+    pieces = sparse.coo_array((np.ones(ends.shape[1]), tuple(ends)), shape=(len(points),) * 2)
+    half = int((sparse.csgraph.connected_components(pieces, directed=False)[1] == 0).sum())
+    lowest = points[np.argmin(points @ UP)]
     contact = BarrierContact(
-        mesh, vertices, faces, activation_distance=dhat, stiffness=3.5, objects={"one": half, "two": len(points) - half}
+        mesh,
+        vertices,
+        faces,
+        activation_distance=dhat,
+        stiffness=3.5,
+        barrier=barrier,
+        radii=radius * np.random.default_rng(4).uniform(0.1, 1.0, len(points)),
+        planes=[Plane("slope", tuple(UP.tolist()), tuple((lowest - (radius + 0.3 * dhat) * UP).tolist()))],
+        objects={"one": half, "two": len(points) - half},
+        **options,
     )
     scene.add_minimize_target(position)
     return scene, contact
@@ -45,14 +63,38 @@ def check_against_gradient(scene: Scene, contact: BarrierContact, forces: Contac
     values = scene.energy_values()
     for kind, primitive in contact.primitives.items():
         energies = forces.normal.energy[forces.normal.kind == kind]
-        np.testing.assert_allclose(energies, values[primitive["barrier"].path], rtol=1e-11)
+        np.testing.assert_allclose(energies, values[primitive.primitive["barrier"].path], rtol=1e-11)
 
 
-@pytest.mark.parametrize("name", NAMES)
-def test_forces_are_those_of_the_scenes_gradient(name: str) -> None:
-    scene, contact = scene_of(name)
+@pytest.mark.parametrize(
+    ("name", "barrier", "radius"),
+    [*((name, "log", 0.0) for name in NAMES), ("shaken", "paper", 0.0), ("shaken", "log", 3e-3)],
+)
+def test_forces_are_those_of_the_scenes_gradient(name: str, barrier: str, radius: float) -> None:
+    scene, contact = scene_of(name, barrier, radius)
     forces = contact_forces(contact)
+    assert forces.names == ("one", "two", "slope")
     assert len(forces.normal) == len(contact.active) > 0
+    assert "half_space" in forces.normal.kind
     check_against_gradient(scene, contact, forces)
     size = np.abs(forces.normal.forces).max(axis=(1, 2))
-    assert (np.abs(forces.normal.forces.sum(axis=1)).max(axis=1) <= 4e-16 * size).all()
+    between = forces.normal.kind != "half_space"
+    assert (np.abs(forces.normal.forces.sum(axis=1)).max(axis=1) <= 1e-15 * size)[between].all()
+    whole = np.abs(forces.on_vertices()).max()
+    sums = np.stack([forces.on_vertices()[forces.body_of == k].sum(axis=0) for k in range(2)])
+    np.testing.assert_allclose(forces.on_bodies()[:2], sums, atol=1e-14 * whole)
+    np.testing.assert_allclose(forces.on_bodies()[2], -sums.sum(axis=0), atol=1e-14 * whole)
+    torques = forces.torques(np.zeros(3))
+    np.testing.assert_allclose(torques.sum(axis=0), 0.0, atol=1e-14 * whole)
+
+
+def test_a_vertex_presses_a_half_space_along_its_normal() -> None:
+    _, contact = scene_of("shaken", "log")
+    forces = contact_forces(contact)
+    below = forces.normal.kind == "half_space"
+    np.testing.assert_allclose(forces.normal.normal[below], np.tile(UP, (int(below.sum()), 1)), atol=1e-13)
+    assert (forces.normal.bodies[below, 1] == 2).all()
+    assert (forces.normal.normal_force[below] > 0).all()
+    pressed = forces.between_bodies()[2, 0]
+    assert pressed @ UP == pytest.approx(-np.linalg.norm(pressed))
+    assert forces.normal.gap[below].min() == pytest.approx(0.3 * contact.geometry.activation_distance, rel=1e-9)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from yasps.contact.kinds import KINDS
-from yasps.contact.pair_forces import barrier_slopes, closest_points, mollifiers
+from yasps.contact.pair_forces import barrier_slopes, closest_points, friction_slopes, lagged_points, mollifiers
 
 STEP = 1e-30
 RNG = np.random.default_rng(11)
@@ -81,10 +81,10 @@ def test_slopes_are_those_of_complex_steps(kind: str, barrier: str) -> None:
     points = closest_points(kind, x)
     np.testing.assert_allclose(points.weights, plain_weights(kind, x), atol=1e-13)
     np.testing.assert_allclose(points.way, np.einsum("na,nad->nd", points.weights, x), atol=1e-13)
-    xi = (np.abs(points.weights) * radii).sum(axis=1)
+    xi, of_xi = points.offsets(kind, radii)
+    np.testing.assert_allclose(xi, (np.abs(points.weights) * radii).sum(axis=1), rtol=1e-14)
     excess, activation = dot(points.way, points.way) - xi**2, reach**2 + 2 * reach * xi
     energy, by_excess, by_activation = barrier_slopes(barrier, excess, activation, np.full(len(x), 3.0))
-    of_xi = points.offset_slopes(radii)
     slopes = by_excess[:, None, None] * (
         2 * points.weights[:, :, None] * points.way[:, None] - 2 * xi[:, None, None] * of_xi
     )
@@ -106,3 +106,38 @@ def test_slopes_are_those_of_complex_steps(kind: str, barrier: str) -> None:
     np.testing.assert_allclose((slopes / size).sum(axis=1), 0.0, atol=2e-15)
     torque = np.cross(x - x.mean(axis=1, keepdims=True), slopes / size).sum(axis=1)
     np.testing.assert_allclose(torque, 0.0, atol=2e-14)
+
+
+def test_friction_is_the_derivative_of_its_potential() -> None:
+    """The potential is a sum of polynomials, whose complex steps are exact."""
+    length, static, kinetic = 1e-3, 0.6, 0.25
+    slip = length * np.array([1e-9, 1e-3, 0.5, 0.999, 1.0, 1.5, 4.0, 9.9, 10.0, 11.0, 50.0])
+    potential, by_length = friction_slopes(slip, length, np.full(11, static), np.full(11, kinetic))
+
+    def plain(y: np.ndarray) -> np.ndarray:
+        smooth = np.where(y.real < length, length / 3 + y**2 / length - y**3 / (3 * length**2), y)
+        q = y / (9 * length) - 1 / 9
+        lost = np.where(q.real < 0, 0 * q, np.where(q.real < 1, q**4 * (2.5 - 3 * q + q**2), q - 0.5))
+        return np.asarray(static * smooth - (static - kinetic) * 9 * length * lost)
+
+    np.testing.assert_allclose(potential, plain(slip + 0j).real, rtol=1e-13)
+    np.testing.assert_allclose(by_length * slip, plain(slip + 1j * STEP).imag / STEP, rtol=1e-12)
+    np.testing.assert_allclose(by_length[[4, -1]] * slip[[4, -1]], [static, kinetic])
+    assert friction_slopes(np.zeros(1), length, np.full(1, static), np.full(1, kinetic))[1] == 2 * static / length
+
+
+def test_nearly_parallel_edges_have_their_closest_points_inside() -> None:
+    x = pairs("mollified_edge_edge")
+    weights, way = lagged_points("mollified_edge_edge", x)
+    points = closest_points("mollified_edge_edge", x)
+    np.testing.assert_allclose(weights, points.weights, atol=1e-12)
+    np.testing.assert_allclose(way, points.way, atol=1e-12)
+    x[:, 2:] = x[:, :2] + [[[0.1, 0.0, 0.3]]]  # exactly parallel, and the way between the middles is not orthogonal
+    weights, way = lagged_points("mollified_edge_edge", x)
+    assert ((np.abs(weights) >= 0) & (np.abs(weights) <= 1)).all()
+    along = x[:, 1] - x[:, 0]
+    away = dot(np.broadcast_to([0.1, 0.0, 0.3], along.shape), along) / dot(along, along)
+    inside = np.abs(away) < 1  # the edges lie beside each other somewhere
+    assert inside.any()
+    cosines = dot(way, along) / np.linalg.norm(along, axis=1) / np.linalg.norm(way, axis=1)
+    np.testing.assert_allclose(cosines[inside], 0.0, atol=1e-13)

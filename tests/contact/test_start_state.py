@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from yasps import IntersectionError, Scene, SceneError
-from yasps.bodies import AffineBody, Body, Cloth, Ground, Obstacle, SoftBody
-from yasps.contact import check_start, separate, start_state
+from yasps.bodies import AffineBody, Body, Cloth, Ground, HalfSpace, Obstacle, SoftBody
+from yasps.contact import ContactTable, check_start, separate, start_state
 from yasps.contact.solid_geometry import closest_on_triangles, shortest_exits, winding_numbers
 from yasps.meshes import TriangleMesh, box, cloth_grid, sphere
 from yasps.simulation import Simulation
@@ -139,6 +139,50 @@ def test_the_simulation_can_be_made_after_separating() -> None:
     with pytest.raises(IntersectionError, match="'cube' and 'late' overlap"):
         simulation.add(AffineBody(scene, "late", CUBE.translated((0.03, 0.02, 0.145))))
     assert simulation.bodies == bodies
+
+
+def test_a_half_space_is_left_too() -> None:
+    scene = Scene("slope", threads=1)
+    slope = HalfSpace(scene, "slope", normal=(0.0, -0.6, 0.8))
+    bodies = [SoftBody(scene, "cube", CUBE.translated((0.0, 0.0, 0.0825)), radius=1e-3), slope]
+    (overlap,) = start_state(bodies).overlaps
+    assert overlap.bodies == ("cube", "slope")
+    # The lowest edge of the cube is at n . x = 0.8 (0.0825 - 0.05) - 0.6 0.05 = -0.004, and 0.001 thick.
+    assert overlap.depth == pytest.approx(0.005)
+    with pytest.raises(IntersectionError, match=r"3 vertices are in the half-space or touch it, the deepest: vertex"):
+        Simulation(scene, bodies)
+    separate(bodies, gap=1e-3)
+    assert (bodies[0].positions() @ slope.plane.normal).min() == pytest.approx(2e-3, rel=0.05)
+    Simulation(scene, bodies, activation_distance=1e-3)
+
+
+def test_bodies_thicker_than_their_distance_are_parted() -> None:
+    scene = Scene("thick", threads=1)
+    low = SoftBody(scene, "low", CUBE, radius=2e-3)
+    cloth = Cloth(scene, "cloth", cloth_grid((0.2, 0.2), (7, 7), 0.054), radius=3e-3)
+    (thick,) = start_state([low, cloth]).touching
+    assert thick.bodies == ("low", "cloth")
+    assert thick.distance == pytest.approx(0.004)
+    assert thick.thickness == pytest.approx(0.005)
+    with pytest.raises(
+        IntersectionError, match=r"'low' and 'cloth' are too thick, 0\.004 m apart where their radii are "
+    ):
+        check_start([low, cloth])
+    separate([low, cloth], gap=1e-3)
+    assert start_state([low, cloth]).is_apart
+    top = low.positions()[:, 2].max()
+    over = np.abs(cloth.positions()[:, :2]).max(axis=1) < 0.05
+    assert 0.0058 < cloth.positions()[over, 2].min() - top < 0.007
+
+
+def test_bodies_that_do_not_meet_may_overlap() -> None:
+    scene = Scene("apart", threads=1)
+    bodies = on_ground(scene)
+    table = ContactTable().set("cube", "ground", enabled=False)
+    assert start_state(bodies, table).is_apart
+    before = state_of(bodies)
+    assert separate(bodies, table=table).moved == {}
+    assert all(np.array_equal(a, b) for a, b in zip(state_of(bodies), before, strict=True))
 
 
 def test_touching_is_named_with_pieces_and_distance() -> None:

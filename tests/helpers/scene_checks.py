@@ -62,4 +62,5 @@ def drive(simulation: Simulation, body: Body, places: Callable[[float], Floats])
 
 def contact_forces_on(simulation: Simulation, body: Body) -> Floats:
     """Contact forces on the vertices of a body [N], [n, 3], normal and tangential together."""
-    return simulation.contact_forces().on(body)
+    forces = simulation.contact_forces()
+    return np.asarray(forces.on_vertices()[forces.body_of == forces.number_of(body.name)])

@@ -11,7 +11,8 @@ from yasps.contact.half_spaces import Plane
 from yasps.contact.kinds import HALF_SPACE, KINDS, Kind
 from yasps.contact.pair_primitive import ContactParts, PairPrimitive
 from yasps.contact.separation import Separation, separate
-from yasps.contact.start_state import Flipped, Overlap, StartState, Touching, check_start, start_state
+from yasps.contact.start_findings import Flipped, Overlap, StartState, Touching
+from yasps.contact.start_state import check_start, start_state
 
 __all__ = [
     "BARRIERS",

@@ -6,27 +6,25 @@ their derivatives by positions of vertices, whatever parameterises these (see `y
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, fields
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
-from yasps.contact.active_set import Floats, Ids
+from yasps.contact.active_set import Floats, Ids, PlanePairs
 from yasps.contact.barrier_contact import BarrierContact
-from yasps.contact.kinds import KINDS
-from yasps.contact.pair_forces import barrier_slopes, closest_points, mollifiers
-
-FIRST_PIECE: dict[str, tuple[bool, ...]] = {
-    "point_point": (True, False),
-    "point_edge": (True, False, False),
-    "point_triangle": (True, False, False, False),
-    "edge_edge": (True, True, False, False),
-    "mollified_edge_edge": (True, True, False, False),
-    "mollified_point_edge": (True, False, False, True),
-    "mollified_point_point": (True, False, True, False),
-    "half_space": (True,),
-}
-"""Which vertices of a kind are of its first piece."""
+from yasps.contact.kinds import Kind
+from yasps.contact.pair_forces import (
+    FIRST_PIECE,
+    barrier_slopes,
+    closest_points,
+    friction_slopes,
+    lagged_points,
+    mollifiers,
+)
+from yasps.contact.pair_primitive import PairPrimitive
 
 
 @dataclass(frozen=True)
@@ -62,6 +60,21 @@ class ContactPairs:
 
 
 @dataclass(frozen=True)
+class FrictionPairs(ContactPairs):
+    """Pairs that rub. Point, normal and gap are those of when friction was lagged; the energy is its potential."""
+
+    load: Floats
+    """[m]: the lagged normal force [N]."""
+    slip: Floats
+    """[m, 3]: how far the second piece has come along the first since the beginning of the step [m]."""
+    slides: NDArray[np.bool_]
+    """[m]: whether that is the slip length or more, so that friction has all of its force."""
+
+
+AnyPairs = TypeVar("AnyPairs", bound=ContactPairs)
+
+
+@dataclass(frozen=True)
 class ContactForces:
     """Forces of contact at one state. Bodies are numbered as in `names`; half-spaces come last."""
 
@@ -76,8 +89,8 @@ class ContactForces:
     """[n]: of each vertex [kg]; 0 where nothing moves it or nobody said."""
     normal: ContactPairs
     """The barrier's pairs."""
-    friction: ContactPairs
-    """The pairs that rub: those that were near when friction was lagged, at the places they had then."""
+    friction: FrictionPairs
+    """The pairs that rub: those that were near when friction was lagged."""
 
     def number_of(self, name: str) -> int:
         """The number of a body. Raises KeyError for names of none."""
@@ -142,7 +155,8 @@ class ContactForces:
         return np.asarray(np.divide(size, self.areas, out=np.zeros_like(size), where=self.areas > 0), np.float64)
 
     def _parts(self, part: str) -> list[ContactPairs]:
-        parts = {"normal": [self.normal], "friction": [self.friction], "both": [self.normal, self.friction]}
+        parts: dict[str, list[ContactPairs]] = {"normal": [self.normal], "friction": [self.friction]}
+        parts["both"] = [self.normal, self.friction]
         if part not in parts:
             raise ValueError(f"part is one of {', '.join(map(repr, parts))}, got {part!r}")
         return parts[part]
@@ -150,14 +164,14 @@ class ContactForces:
 
 def contact_forces(contact: BarrierContact, masses: Floats | None = None) -> ContactForces:
     """What contact does at the present positions; masses: of all vertices [kg], [n], for centres of mass. Nothing is
-    compiled for it, and nothing changed."""
+    changed; weights and areas are compiled at the first call."""
     contact.update()
     positions = contact.positions()
     objects = contact.geometry.objects
-    names = tuple(objects)
-    body_of = np.repeat(np.arange(len(names), dtype=np.int32), list(objects.values()))
+    names = (*objects, *contact.half_spaces.names)
+    body_of = np.repeat(np.arange(len(objects), dtype=np.int32), list(objects.values()))
     found = [
-        _pairs_of(_Entries.of(contact, name, positions), positions, body_of)
+        _pairs_of(_Entries.of(contact, name, positions, body_of))
         for name, pairs in contact.active.kinds().items()
         if len(pairs)
     ]
@@ -165,22 +179,33 @@ def contact_forces(contact: BarrierContact, masses: Floats | None = None) -> Con
         names=names,
         body_of=body_of,
         positions=positions,
-        areas=contact.geometry.rest_areas(),
+        areas=_areas(contact),
         masses=np.zeros(len(positions)) if masses is None else masses,
-        normal=_joined(found),
-        friction=_joined([]),
+        normal=_joined(ContactPairs, found),
+        friction=_joined(FrictionPairs, _rubbing(contact, positions, body_of)),
     )
+
+
+def _areas(contact: BarrierContact) -> Floats:
+    """Surface area at rest that each vertex stands for [m^2], [n]."""
+    measures = contact.parts.measures
+    if measures is None:
+        return contact.geometry.rest_areas()
+    return np.asarray(2 * measures.points["half_area"].compute().array.reshape(-1), np.float64)
 
 
 @dataclass(frozen=True)
 class _Entries:
     """Numbers of all pairs of one kind, n of them."""
 
-    kind: str
+    kind: Kind
+    name: str
     vertices: Ids
     """[n, arity]"""
     corners: Floats
     """[n, rows, 3]: positions of the vertices; for a half-space, the vertex, normal and a point of the plane."""
+    bodies: Ids
+    """[n, 2]"""
     weight: Floats
     scale: Floats
     """What multiplies the barrier besides the weight."""
@@ -188,47 +213,60 @@ class _Entries:
     barrier: str
     radii: Floats
     """[n, arity] [m], share included."""
+    radii_vary: bool
     threshold: Floats
-    second_body: Ids | None = None
-    """[n] for half-spaces."""
 
     @staticmethod
-    def of(contact: BarrierContact, name: str, positions: Floats) -> _Entries:
+    def of(contact: BarrierContact, name: str, positions: Floats, body_of: Ids) -> _Entries:
         """Those of a kind of the contact's active set."""
-        pairs = contact.active.kinds()[name]
-        primitive = contact.primitives[name]
-        count = len(pairs)
-        stiffness = primitive.mesh["stiffness"].value
+        pairs, parts = contact.active.kinds()[name], contact.parts
+        primitive = contact.primitives[name].primitive
+        kind = contact.primitives[name].kind
+        corners = positions[pairs.vertices]
+        bodies = body_of[pairs.vertices[:, list(kind.sides)]]
+        if isinstance(pairs, PlanePairs):
+            corners, bodies = _with_planes(contact, corners, bodies, pairs.planes)
+        stiffness, reach = (
+            parts.laws["stiffness"].value[contact.laws_of_pairs(name, pairs)],
+            float(parts.reach.value[0]),
+        )
+        radii = np.zeros(pairs.vertices.shape)
+        if parts.is_thick:
+            radii = pairs.share[:, None] * parts.points["radius"].value[pairs.vertices]
         return _Entries(
+            kind,
             name,
             pairs.vertices,
-            positions[pairs.vertices],
-            pairs.weight,
-            np.full(count, float(stiffness[0])),
-            contact.geometry.activation_distance,
-            "paper",
-            np.zeros(pairs.vertices.shape),
-            getattr(pairs, "threshold", np.ones(count)),
+            corners,
+            bodies.astype(np.int32),
+            primitive["weight"].compute().array.reshape(-1),
+            stiffness if parts.measures is None else stiffness * reach,
+            reach,
+            "paper" if parts.measures is None else "log",
+            radii,
+            parts.radii_vary,
+            primitive["threshold"].compute().array.reshape(-1) if kind.edges is not None else np.empty(0),
         )
 
 
-def _pairs_of(entries: _Entries, positions: Floats, body_of: Ids) -> ContactPairs:
+def _pairs_of(entries: _Entries) -> ContactPairs:
     """Forces of the pairs of one kind."""
-    name, x = entries.kind, entries.corners
+    name, kind, x = entries.name, entries.kind, entries.corners
     count, arity = entries.vertices.shape
     points = closest_points(name, x)
-    offset = (np.abs(points.weights) * entries.radii).sum(axis=1)
+    if entries.radii_vary:
+        offset, of_offset = points.offsets(name, entries.radii)
+    else:
+        offset, of_offset = entries.radii[:, sorted(set(kind.sides))].sum(axis=1), np.zeros((1, arity, 3))
     distance = np.linalg.norm(points.way, axis=1)
     excess, activation = distance**2 - offset**2, entries.reach * (entries.reach + 2 * offset)
     energy, by_excess, by_activation = barrier_slopes(entries.barrier, excess, activation, entries.scale)
     slopes = 2 * by_excess[:, None, None] * points.weights[:, :, None] * points.way[:, None]
-    if entries.radii.any():
-        of_offset = points.offset_slopes(entries.radii)
-        slopes += (2 * entries.reach * by_activation - 2 * offset * by_excess)[:, None, None] * of_offset
-    on_second = slopes[:, ~np.array(FIRST_PIECE[name])].sum(axis=1) if arity > 1 else -slopes[:, 0]
-    edges = KINDS[name].edges if name in KINDS else None
-    if edges is not None:
-        share, of_share = mollifiers(edges, x, entries.threshold)
+    slopes += (2 * entries.reach * by_activation - 2 * offset * by_excess)[:, None, None] * of_offset
+    first = np.array(FIRST_PIECE[name])
+    on_second = -slopes[:, first].sum(axis=1) if kind.is_plane else slopes[:, ~first].sum(axis=1)
+    if kind.edges is not None:
+        share, of_share = mollifiers(kind.edges, x, entries.threshold)
         slopes = share[:, None, None] * slopes + energy[:, None, None] * of_share
         on_second, energy = share[:, None] * on_second, share * energy
     weight = entries.weight[:, None]
@@ -236,19 +274,11 @@ def _pairs_of(entries: _Entries, positions: Floats, body_of: Ids) -> ContactPair
     forces[:, :arity] = -weight[:, :, None] * slopes
     vertices = np.full((count, 4), -1, np.int32)
     vertices[:, :arity] = entries.vertices
-    first = np.array(FIRST_PIECE[name])
-    sides = KINDS[name].sides if name in KINDS else (0, 0)
-    bodies = body_of[entries.vertices[:, sides]].astype(np.int32)
-    if entries.second_body is not None:
-        bodies[:, 1] = entries.second_body
-    # Weights of the second piece sum to 1: half the way back from there is the middle.
-    beyond = np.where(first, 0.0, points.weights)
-    foot = np.einsum("na,nad->nd", beyond, x[:, :arity]) if arity > 1 else x[:, 0] + points.way
     return ContactPairs(
         kind=np.full(count, name),
         vertices=vertices,
-        bodies=bodies,
-        point=foot - 0.5 * points.way,
+        bodies=entries.bodies,
+        point=_middles(name, x, points.weights, points.way),
         normal=-points.way / distance[:, None],
         gap=distance - offset,
         energy=entries.weight * energy,
@@ -257,19 +287,89 @@ def _pairs_of(entries: _Entries, positions: Floats, body_of: Ids) -> ContactPair
     )
 
 
-def _joined(parts: list[ContactPairs]) -> ContactPairs:
-    """All pairs in one."""
-    empty = ContactPairs(
-        np.empty(0, "<U21"),
-        np.empty((0, 4), np.int32),
-        np.empty((0, 2), np.int32),
-        np.empty((0, 3)),
-        np.empty((0, 3)),
-        np.empty(0),
-        np.empty(0),
-        np.empty((0, 4, 3)),
-        np.empty((0, 3)),
+def _rubbing(contact: BarrierContact, positions: Floats, body_of: Ids) -> list[FrictionPairs]:
+    """The pairs of each kind that rub."""
+    friction = getattr(contact, "friction", None)
+    if friction is None:
+        return []
+    return [
+        _rubbing_of(contact, name, pairs, positions, body_of)
+        for name, pairs in friction.primitives.items()
+        if pairs.primitive.num_instances
+    ]
+
+
+def _rubbing_of(
+    contact: BarrierContact, name: str, pairs: PairPrimitive, positions: Floats, body_of: Ids
+) -> FrictionPairs:
+    """Friction of one kind: minus load times W'(|u|) along the slip u, which is linear in the positions."""
+    assert contact.friction is not None
+    kind, links, parts = pairs.kind, pairs.primitive.connectivities, contact.parts
+    ids, laws = links["vertices"].indices, links["law"].indices[:, 0]
+    lagged, previous = (parts.points[f"{when}_position"].value.reshape(-1, 3)[ids] for when in ("lagged", "previous"))
+    corners, bodies = lagged, body_of[ids[:, list(kind.sides)]]
+    if kind.is_plane:
+        corners, bodies = _with_planes(contact, corners, bodies, links["plane"].indices[:, 0])
+    weights, lagged_way = lagged_points(name, corners)
+    distance = np.linalg.norm(lagged_way, axis=1)
+    normal = lagged_way / distance[:, None]
+    relative = np.einsum("na,nad->nd", weights, positions[ids] - previous)
+    slip = relative - (relative * normal).sum(axis=1, keepdims=True) * normal
+    way, length = np.linalg.norm(slip, axis=1), float(contact.friction.slip_length.value[0])
+    static, kinetic = (parts.laws[which].value[laws] for which in ("friction", "kinetic_friction"))
+    potential, by_slip = friction_slopes(way, length, static, kinetic)
+    load = pairs.primitive["normal_force"].compute().array.reshape(-1)
+    push = (load * by_slip)[:, None] * slip
+    count, arity = ids.shape
+    forces, vertices = np.zeros((count, 4, 3)), np.full((count, 4), -1, np.int32)
+    forces[:, :arity], vertices[:, :arity] = -weights[:, :, None] * push[:, None], ids
+    return FrictionPairs(
+        kind=np.full(count, name),
+        vertices=vertices,
+        bodies=bodies.astype(np.int32),
+        point=_middles(name, corners, weights, lagged_way),
+        normal=-normal,
+        gap=distance - (np.abs(weights) * parts.points["radius"].value[ids]).sum(axis=1),
+        energy=load * potential,
+        forces=forces,
+        on_first=push,
+        load=load,
+        slip=slip,
+        slides=way >= length,
     )
-    return ContactPairs(
-        **{name: np.concatenate([getattr(part, name) for part in (empty, *parts)]) for name in vars(empty)}
+
+
+def _with_planes(contact: BarrierContact, corners: Floats, bodies: Ids, planes: Ids) -> tuple[Floats, Ids]:
+    """Corners and bodies of vertices near half-spaces, with these."""
+    assert contact.parts.planes is not None
+    rows = [contact.parts.planes[part].value.reshape(-1, 1, 3)[planes] for part in ("normal", "point")]
+    return (
+        np.concatenate([corners, *rows], axis=1),
+        np.stack([bodies[:, 0], len(contact.geometry.objects) + planes], axis=1),
+    )
+
+
+def _middles(name: str, x: Floats, weights: Floats, way: Floats) -> Floats:
+    """Half-way between the closest points, [n, 3] [m]: weights of the second piece sum to 1."""
+    first = np.array(FIRST_PIECE[name])
+    if first.all():
+        return np.asarray(x[:, 0] + 0.5 * way)
+    return np.asarray(np.einsum("na,nad->nd", np.where(first, 0.0, weights), x) - 0.5 * way)
+
+
+def _joined(kind: type[AnyPairs], parts: Sequence[AnyPairs]) -> AnyPairs:
+    """All pairs in one."""
+    shapes = {"kind": (0,), "vertices": (0, 4), "bodies": (0, 2), "forces": (0, 4, 3)}
+    shapes |= dict.fromkeys(("point", "normal", "on_first", "slip"), (0, 3))
+    types: dict[str, Any] = {"kind": "<U21", "vertices": np.int32, "bodies": np.int32, "slides": np.bool_}
+    return kind(
+        **{
+            name.name: np.concatenate(
+                [
+                    np.empty(shapes.get(name.name, (0,)), types.get(name.name, np.float64)),
+                    *(getattr(part, name.name) for part in parts),
+                ]
+            )
+            for name in fields(kind)
+        }
     )

@@ -15,6 +15,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from yasps.contact.active_set import Floats
+from yasps.contact.friction import KINETIC_FROM
+from yasps.contact.kinds import PARALLEL
 
 _LINES = np.array([[1.0, 0.0], [-1.0, 0.0], [0.0, -1.0], [0.0, 1.0]])
 _SLOPES: dict[str, Floats] = {
@@ -28,6 +30,17 @@ _SLOPES: dict[str, Floats] = {
     "half_space": np.zeros((1, 0)),
 }
 """B of each kind, [arity, parameters]."""
+FIRST_PIECE: dict[str, tuple[bool, ...]] = {
+    "point_point": (True, False),
+    "point_edge": (True, False, False),
+    "point_triangle": (True, False, False, False),
+    "edge_edge": (True, True, False, False),
+    "mollified_edge_edge": (True, True, False, False),
+    "mollified_point_edge": (True, False, False, True),
+    "mollified_point_point": (True, False, True, False),
+    "half_space": (True,),
+}
+"""Which vertices of a kind are of its first piece."""
 
 
 @dataclass(frozen=True)
@@ -43,10 +56,20 @@ class ClosestPoints:
     of_parameters: Floats
     """B, [arity, parameters]."""
 
-    def offset_slopes(self, radii: Floats) -> Floats:
-        """d(sum of |g_i| radius_i)/dx_i, [n, arity, 3], for radii [n, arity] [m]."""
-        by_parameter = np.einsum("na,ap->np", np.sign(self.weights) * radii, self.of_parameters)
-        return np.asarray(np.einsum("np,npad->nad", by_parameter, self.slopes))
+    def offsets(self, kind: str, radii: Floats) -> tuple[Floats, Floats]:
+        """The sum of |g_i| radius_i [m], [n], and its derivatives by the vertices, [n, arity, 3]; radii [n, arity] [m].
+
+        Weights of nearly parallel edges are moved into the edges, as `Kind.weights` does: there they don't change.
+        """
+        sign = np.where(FIRST_PIECE[kind], -1.0, 1.0)
+        shares = self.weights * sign
+        moves = np.ones(self.slopes.shape[:2])
+        if kind.startswith("mollified"):
+            outside = (shares < 0) | (shares > 1)
+            moves = 1.0 - np.einsum("na,ap->np", outside, self.of_parameters != 0).clip(0, 1)
+            shares = shares.clip(0, 1)
+        by_parameter = moves * np.einsum("na,ap->np", sign * radii, self.of_parameters)
+        return (shares * radii).sum(axis=1), np.asarray(np.einsum("np,npad->nad", by_parameter, self.slopes))
 
 
 def closest_points(kind: str, x: Floats) -> ClosestPoints:
@@ -81,6 +104,41 @@ def closest_points(kind: str, x: Floats) -> ClosestPoints:
         way, along = x[:, 1] - x[:, 0], np.zeros((len(x), 0, 3))
     moved = slopes.T[None, :, :, None] * way[:, None, None] + weights[:, None, :, None] * along[:, :, None]
     return ClosestPoints(weights, way, -np.einsum("npq,nqad->npad", _inverse_gram(along), moved), slopes)
+
+
+def lagged_points(kind: str, x: Floats) -> tuple[Floats, Floats]:
+    """Closest-point weights [n, arity] and ways [n, 3] [m] of corners x, as friction takes them: of nearly parallel
+    edges inside both, however parallel they are (see `Kind.weights`, whose steps these are)."""
+    if kind == "mollified_edge_edge":
+        first, second, offset = x[:, 1] - x[:, 0], x[:, 3] - x[:, 2], x[:, 2] - x[:, 0]
+        long_first, long_second = _dot(first, first), _dot(second, second)
+        normal, area = _normal(first, second)
+        s = (_dot(np.cross(offset, second), normal) / (area + PARALLEL * long_first * long_second)).clip(0, 1)
+        t = (_dot(s[:, None] * first - offset, second) / long_second).clip(0, 1)
+        s = (_dot(offset + t[:, None] * second, first) / long_first).clip(0, 1)
+        weights = np.stack([s - 1, -s, 1 - t, t], axis=1)
+        return weights, offset - s[:, None] * first + t[:, None] * second
+    points = closest_points(kind, x)
+    weights = points.weights
+    if kind == "mollified_point_edge":
+        t = weights[:, 2].clip(0, 1)
+        weights = np.stack([weights[:, 0], 1 - t, t, weights[:, 3]], axis=1)
+    return weights, points.way
+
+
+def friction_slopes(slip: Floats, length: float, static: Floats, kinetic: Floats) -> tuple[Floats, Floats]:
+    """W of `sliding_distance` [m] and W'/y of slips of length y [m], [n]; length: e, the slip length [m]."""
+    share = slip / length
+    sticks = share < 1
+    width = (KINETIC_FROM - 1) * length
+    q = np.maximum(slip / width - 1 / (KINETIC_FROM - 1), 0.0)
+    inner = np.minimum(q, 1.0)
+    lost = np.where(q < 1, inner**4 * (2.5 - inner * (3 - inner)), q - 0.5)
+    faded = inner**3 * (10 - inner * (15 - 6 * inner))
+    smooth = np.where(sticks, length / 3 + slip * share * (1 - share / 3), slip)
+    safe = np.where(sticks, 1.0, slip)
+    by_length = static * np.where(sticks, (2 - share) / length, 1 / safe) - (static - kinetic) * faded / safe
+    return static * smooth - (static - kinetic) * width * lost, by_length
 
 
 def mollifiers(edges: tuple[tuple[int, int], tuple[int, int]], x: Floats, threshold: Floats) -> tuple[Floats, Floats]:

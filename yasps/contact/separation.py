@@ -17,6 +17,7 @@ from scipy.sparse.linalg import splu
 
 from yasps import IntersectionError, SceneError
 from yasps.contact.active_set import Floats, Ids
+from yasps.contact.contact_table import ContactTable
 from yasps.contact.kinds import KINDS
 from yasps.contact.pair_forces import closest_points
 from yasps.contact.solid_geometry import shortest_exits
@@ -49,23 +50,30 @@ class Separation:
         return f"moved {ways}; all bodies are at least {self.gap:.3g} m apart"
 
 
-def separate(bodies: Sequence[StartBody], *, gap: float | None = None, largest_share: float = 0.1) -> Separation:
+def separate(
+    bodies: Sequence[StartBody],
+    *,
+    gap: float | None = None,
+    largest_share: float = 0.1,
+    table: ContactTable | None = None,
+) -> Separation:
     """Moves bodies that overlap, touch or are too near each other apart, by as little as possible, and says how far.
 
     Soft bodies and cloth are bent by displacements of their vertices that spread along their edges; what its vertices
     do not move one by one (a stiff body) is only translated; fixed bodies stay. Of two, the heavier moves less. A
     surface that crosses itself is parted, too, but pieces of one body that are merely near each other stay as they are.
 
-    gap: least distance of different bodies afterwards [m]; default 1/1000 of the diagonal of the box around what moves,
-    which is the activation distance that a `Simulation` chooses. largest_share: overlaps deeper, and ways longer, than
-    this share of the diagonal of the smaller body are no small ones.
+    gap: least distance of different bodies, less their radii, afterwards [m]; default 1/1000 of the diagonal of the box
+    around what moves, which is the activation distance that a `Simulation` chooses. largest_share: overlaps deeper, and
+    ways longer, than this share of the diagonal of the smaller body are no small ones. table: bodies that don't meet by
+    it may overlap.
 
     Call it before the simulation is made. Raises IntersectionError for overlaps that are too large or that no small
     motion takes away, and SceneError for wrong arguments; all bodies are then where they were.
     """
     if not 0 < largest_share <= 1:
         raise SceneError(f"largest_share is a share of a body's size between 0 and 1, got {largest_share}")
-    surfaces = Surfaces(bodies)
+    surfaces = Surfaces(bodies, table)
     free = [body for body in bodies if not body.is_fixed]
     if not free:
         raise SceneError("nothing can be moved: all bodies are fixed")
@@ -98,7 +106,7 @@ def separate(bodies: Sequence[StartBody], *, gap: float | None = None, largest_s
         np.linalg.norm(new - old, axis=1).max(initial=0.0)
         for new, old in zip(surfaces.parts, motion.parts, strict=True)
     ]
-    for body, way, size in zip(bodies, ways, sizes, strict=True):
+    for body, way, size in zip(surfaces.bodies, ways, sizes, strict=True):
         if way > largest_share * size:
             raise IntersectionError(
                 f"nothing was moved: {body.name!r} would have to go {way:.3g} m, which is more than"
@@ -111,7 +119,7 @@ def separate(bodies: Sequence[StartBody], *, gap: float | None = None, largest_s
                 " gap, or place the bodies farther apart"
             )
     motion.apply()
-    moved = {body.name: float(way) for body, way in zip(bodies, ways, strict=True) if way > 0}
+    moved = {body.name: float(way) for body, way in zip(surfaces.bodies, ways, strict=True) if way > 0}
     return Separation(moved, gap)
 
 
@@ -212,16 +220,26 @@ class _Inequalities:
         for name, pairs in active.kinds().items():
             vertices = pairs.vertices
             points = closest_points(name, surfaces.positions[vertices])
-            distance = np.linalg.norm(points.way, axis=1)
+            distance, thickness = surfaces.gaps(name, vertices, surfaces.positions)
             direction = -points.way / np.maximum(distance, 1e-300)[:, None]
             owners = np.sort(surfaces.body_of(vertices[:, list(KINDS[name].sides)]), axis=1)
             crossing = np.array([tuple(pair) in crossings for pair in owners.tolist()], bool)
-            chosen = (owners[:, 0] != owners[:, 1]) & ~crossing & (distance > 0)
-            found = found or bool(((owners[:, 0] != owners[:, 1]) | (distance <= surfaces.touching)).any())
+            names = [tuple(surfaces.bodies[k].name for k in pair) for pair in owners.tolist()]
+            others = (owners[:, 0] != owners[:, 1]) & np.array([surfaces.meet(*pair) for pair in names], bool)
+            near = others & (distance - thickness < gap)
+            chosen = near & ~crossing & (distance > 0)
+            found = found or bool((near | (distance <= surfaces.touching)).any())
             self._add(vertices[chosen], -points.weights[chosen], direction[chosen], gap)
+        for _, plane, ids, gaps in surfaces.in_planes(gap):
+            normal = np.array(plane.normal)
+            level = float(normal @ plane.point)
+            self._add(ids[:, None], np.ones((len(ids), 1)), np.tile(normal, (len(ids), 1)), gap, level)
+            found = found or bool((gaps < gap).any())
         return found
 
-    def _add(self, vertices: ArrayLike, weights: ArrayLike, directions: ArrayLike, gap: float) -> None:
+    def _add(
+        self, vertices: ArrayLike, weights: ArrayLike, directions: ArrayLike, gap: float, level: float = 0.0
+    ) -> None:
         ids, shares, n = np.asarray(vertices), np.asarray(weights, np.float64), np.asarray(directions, np.float64)
         node = self.motion.node[ids]
         coefficients = np.where(node >= 0, shares, 0.0)[:, :, None] * n[:, None, :]
@@ -230,7 +248,8 @@ class _Inequalities:
         table = (coefficients.reshape(-1), (rows.reshape(-1), columns.reshape(-1)))
         self._rows.append(sparse.csr_array(sparse.coo_array(table, shape=(len(ids), 3 * self.motion.count))))
         now = np.einsum("kv,kvd,kd->k", shares, self.start[ids], n)
-        self._sides.append(MORE * gap - now)
+        radii = (np.abs(shares) * self.motion.surfaces.radii[ids]).sum(axis=1)
+        self._sides.append(MORE * gap + radii + level - now)
 
     def solve(self) -> Floats:
         """Displacements of the nodes [nodes, 3] that cost least: accelerated projected gradients of the dual problem

@@ -11,9 +11,9 @@ difference. No shorter translation of one body takes two solids apart.
 from __future__ import annotations
 
 import logging
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from itertools import permutations
+from itertools import permutations, product
 from typing import Protocol
 
 import numpy as np
@@ -23,12 +23,13 @@ from scipy import sparse
 from yasps import Attribute, IntersectionError
 from yasps.contact.active_set import Floats, Ids
 from yasps.contact.collision_geometry import CollisionGeometry
+from yasps.contact.contact_table import ContactTable
+from yasps.contact.half_spaces import Plane
 from yasps.contact.pair_forces import closest_points
 from yasps.contact.solid_geometry import closest_on_triangles, shortest_exits, winding_numbers
+from yasps.contact.start_findings import Flipped, Overlap, StartState, Touching
 
 LOGGER = logging.getLogger("yasps")
-SHOWN = 8
-"""So many findings of one sort are written out in a message."""
 TOUCHING = 32 * float(np.finfo(np.float64).eps)
 """Gaps below this share of the largest coordinate are rounding; from there `CollisionGeometry` bounds no step."""
 
@@ -40,6 +41,8 @@ class StartBody(Protocol):
     rest: Floats
     triangles: Ids
     cells: Mapping[str, Ids]
+    edges: Ids
+    points: Ids
     targets: tuple[Attribute, ...]
     falling: tuple[Attribute, ...]
     meets_itself: bool
@@ -51,98 +54,22 @@ class StartBody(Protocol):
     @property
     def mass(self) -> Attribute: ...
     def positions(self) -> Floats: ...
+    def radii(self) -> Floats: ...
 
 
-@dataclass(frozen=True)
-class Overlap:
-    """Two bodies, or one with itself, whose surfaces cross or one of which lies inside the other."""
-
-    bodies: tuple[str, str]
-    crossings: int
-    """Edges that cross or touch triangles; 0 if the first body lies wholly inside the second."""
-    depth: float
-    """[m]: how far the deepest piece has to go."""
-    where: str
-    """The first edge and triangle that cross, by body and number; empty if none does."""
-
-    def __str__(self) -> str:
-        first, second = self.bodies
-        if not self.crossings:
-            return f"{first!r} lies wholly inside {second!r}, {self.depth:.3g} m deep"
-        who = f"{first!r} crosses itself" if first == second else f"{first!r} and {second!r} overlap"
-        return (
-            f"{who}, {self.depth:.3g} m deep: {self.crossings} edges cross or touch triangles, the first: {self.where}"
-        )
-
-
-@dataclass(frozen=True)
-class Touching:
-    """Two bodies, or one with itself, nearer than positions are rounded."""
-
-    bodies: tuple[str, str]
-    distance: float
-    """[m]"""
-    where: str
-
-    def __str__(self) -> str:
-        return f"{self.bodies[0]!r} and {self.bodies[1]!r} touch, {self.distance:.1g} m apart: {self.where}"
-
-
-@dataclass(frozen=True)
-class Flipped:
-    """Elements of a body that are turned inside out or have no size."""
-
-    body: str
-    kind: str
-    """"tetrahedra" or "triangles"."""
-    elements: NDArray[np.int64]
-    sizes: Floats
-    """[m^3] or [m^2], of these elements now."""
-
-    def __str__(self) -> str:
-        unit, what = ("m^3", "flipped or flat") if self.kind == "tetrahedra" else ("m^2", "without area")
-        listed = ", ".join(
-            f"{k} ({size:.3g} {unit})" for k, size in zip(self.elements[:SHOWN], self.sizes[:SHOWN], strict=True)
-        )
-        more = f" and {len(self.elements) - SHOWN} more" if len(self.elements) > SHOWN else ""
-        return f"{len(self.elements)} {self.kind} of {self.body!r} are {what}: {listed}{more}"
-
-
-@dataclass(frozen=True)
-class StartState:
-    """What is wrong with the present state of bodies; all lists are empty if nothing is."""
-
-    overlaps: tuple[Overlap, ...]
-    touching: tuple[Touching, ...]
-    flipped: tuple[Flipped, ...]
-
-    @property
-    def is_apart(self) -> bool:
-        """Is there a gap between all surfaces?"""
-        return not (self.overlaps or self.touching)
-
-    def __str__(self) -> str:
-        lines: list[str] = []
-        for findings in (self.overlaps, self.touching, self.flipped):
-            lines += [str(finding) for finding in findings[:SHOWN]]
-            if len(findings) > SHOWN:
-                lines.append(f"... and {len(findings) - SHOWN} more of this sort")
-        return "\n".join(lines) or "surfaces are apart, and no element is flipped"
-
-
-def start_state(bodies: Sequence[StartBody]) -> StartState:
+def start_state(bodies: Sequence[StartBody], table: ContactTable | None = None) -> StartState:
     """Looks at the present state of bodies: what crosses, touches, lies inside, is flipped. Changes nothing.
 
-    Groups are those of `yasps.simulation`: fixed bodies may overlap each other, and stiff ones themselves. Only bodies
-    of tetrahedra have an inside: a closed surface alone may be a room.
+    Groups are those of `yasps.simulation`: fixed bodies may overlap each other, and stiff ones themselves; so may those
+    that don't meet by the table. Only bodies of tetrahedra have an inside: a closed surface alone may be a room.
     """
-    return Surfaces(bodies).state()
+    return Surfaces(bodies, table).state()
 
 
-def check_start(bodies: Sequence[StartBody]) -> None:
+def check_start(bodies: Sequence[StartBody], table: ContactTable | None = None) -> None:
     """Raises IntersectionError with all that `start_state` finds, unless all surfaces are apart; elements that are
     flipped but cross nothing are a warning on the logger `yasps`, since some materials right them."""
-    state = start_state(bodies)
+    state = start_state(bodies, table)
     if not state.is_apart:
         raise IntersectionError(
             f"the bodies are not apart at the start:\n{state}\nContact needs a gap between all surfaces."
@@ -170,25 +97,34 @@ class WrongSide:
 class Surfaces:
     """The surfaces of bodies as one numbering of vertices and triangles."""
 
-    def __init__(self, bodies: Sequence[StartBody]) -> None:
-        self.bodies = list(bodies)
+    def __init__(self, bodies: Sequence[StartBody], table: ContactTable | None = None) -> None:
+        self.table = table or ContactTable()
+        self.bodies = [body for body in bodies if len(body.rest)]
+        planes = [getattr(body, "plane", None) for body in bodies]
+        self.planes: list[Plane] = [plane for plane in planes if plane is not None]
         self.parts = [body.positions() for body in self.bodies]
         counts = [len(part) for part in self.parts]
         self.starts = np.cumsum([0, *counts])
         self.first_triangle = np.cumsum([0, *(len(body.triangles) for body in self.bodies)])
         self.positions = np.concatenate(self.parts)
-        self.triangles = np.concatenate([b.triangles + s for b, s in zip(bodies, self.starts, strict=False)])
+        placed = list(zip(self.bodies, self.starts.tolist(), strict=False))
+        self.triangles = np.concatenate([body.triangles + start for body, start in placed])
+        self.edges = np.concatenate([body.edges + start for body, start in placed])
+        self.radii = np.concatenate([body.radii() for body in self.bodies])
         self.touching = TOUCHING * float(np.abs(self.positions).max(initial=1e-300))
         self.geometry = self.geometry_for(2 * self.touching)
+        taking_part = [*self.triangles.ravel(), *self.edges.ravel(), *(v + s for b, s in placed for v in b.points)]
+        self.taking_part = np.unique(np.array(taking_part, np.int64))
 
     def geometry_for(self, distance: float) -> CollisionGeometry:
-        """Collision geometry that finds pairs closer than this [m]."""
+        """Collision geometry that finds all pairs whose gap, less the radii, is smaller than this [m]."""
         counts = np.diff(self.starts)
         groups = [-1 if body.meets_itself else number for number, body in enumerate(self.bodies)]
         return CollisionGeometry(
             np.concatenate([body.rest for body in self.bodies]),
             self.triangles,
-            distance,
+            distance + 2 * float(self.radii.max(initial=0.0)),
+            edges=self.edges,
             fixed=np.repeat([body.is_fixed for body in self.bodies], counts),
             group=np.repeat(groups, counts),
             objects={body.name: len(body.rest) for body in self.bodies},
@@ -198,6 +134,23 @@ class Surfaces:
         """Looks at other positions [n, 3] from now on."""
         self.positions = positions
         self.parts = np.split(positions, self.starts[1:-1])
+
+    def meet(self, first: str, second: str) -> bool:
+        """Does the table let two bodies meet?"""
+        return self.table.entry(first, second)[3]
+
+    def in_planes(self, gap: float = 0.0) -> Iterator[tuple[int, Plane, Ids, Floats]]:
+        """Moving bodies with vertices nearer to a half-space than the gap, or in it: which vertices of the scene, [k],
+        and their gaps [k] [m], negative inside."""
+        for plane, (number, body) in product(self.planes, enumerate(self.bodies)):
+            if body.is_fixed or not self.meet(body.name, plane.name):
+                continue
+            here = (self.starts[number] <= self.taking_part) & (self.taking_part < self.starts[number + 1])
+            ids = self.taking_part[here]
+            gaps = (self.positions[ids] - plane.point) @ np.array(plane.normal) - self.radii[ids]
+            near = gaps <= gap
+            if near.any():
+                yield number, plane, ids[near].astype(np.int32), gaps[near]
 
     def body_of(self, vertices: NDArray[np.integer]) -> NDArray[np.int64]:
         """Number of the body of each vertex."""
@@ -211,25 +164,33 @@ class Surfaces:
         pairs = np.sort(np.stack([self.body_of(edges[:, 0]), self.body_of(self.triangles[numbers, 0])], 1), axis=1)
         found = {}
         for first, second in np.unique(pairs, axis=0).tolist():
+            if not self.meet(self.bodies[first].name, self.bodies[second].name):
+                continue
             chosen = (pairs == (first, second)).all(axis=1)
             found[first, second] = edges[chosen], numbers[chosen]
         return found
 
     def state(self) -> StartState:
         overlaps = self.overlaps()
-        crossing = {pair for overlap, pair in overlaps if overlap.crossings}
+        crossing = {(pair[0], pair[-1]) for overlap, pair in overlaps if not overlap.in_half_space}
         return StartState(
             tuple(overlap for overlap, _ in overlaps), tuple(self._touching(crossing)), tuple(self.flipped())
         )
 
     # -- overlaps ------------------------------------------------------------------------------------------
 
-    def overlaps(self) -> list[tuple[Overlap, tuple[int, int]]]:
-        """What crosses or lies inside, with the numbers of the two bodies."""
+    def overlaps(self) -> list[tuple[Overlap, tuple[int, ...]]]:
+        """What crosses or lies inside, with the numbers of the bodies."""
         crossings = self.crossings()
-        found = [(self._overlap(pair, *pieces), pair) for pair, pieces in crossings.items()]
+        found: list[tuple[Overlap, tuple[int, ...]]] = []
+        found += [(self._overlap(pair, *pieces), pair) for pair, pieces in crossings.items()]
         nested = [pair for pair in self.nested() if (min(pair), max(pair)) not in crossings]
-        return found + [(self._inside(*pair), pair) for pair in nested]
+        found += [(self._inside(*pair), pair) for pair in nested]
+        for number, plane, ids, gaps in self.in_planes():
+            names, deepest = (self.bodies[number].name, plane.name), int(gaps.argmin())
+            where = self._piece([int(ids[deepest])])
+            found.append((Overlap(names, len(ids), -float(gaps[deepest]), where, in_half_space=True), (number,)))
+        return found
 
     def nested(self) -> list[tuple[int, int]]:
         """Bodies (inner, outer) of which the outer is solid and holds some whole piece of the inner's surface."""
@@ -239,6 +200,8 @@ class Surfaces:
             large, small = boxes[outer], boxes[inner]
             both_fixed = self.bodies[outer].is_fixed and self.bodies[inner].is_fixed
             if large is None or small is None or both_fixed or not self.is_solid(outer):
+                continue
+            if not self.meet(self.bodies[outer].name, self.bodies[inner].name):
                 continue
             if (small[1] < large[0]).any() or (small[0] > large[1]).any():
                 continue
@@ -252,7 +215,7 @@ class Surfaces:
     def wrong_side(self, first: int, second: int, edges: Ids, numbers: Ids) -> WrongSide:
         """Vertices of the first body that are on the wrong side of the second's surface."""
         if self.is_solid(second):
-            used = np.unique(self.bodies[first].triangles)
+            used = self._used(first)
             points = self.parts[first][used]
             inside = ((points > self.parts[second].min(axis=0)) & (points < self.parts[second].max(axis=0))).all(axis=1)
             used = used[inside]
@@ -260,6 +223,8 @@ class Surfaces:
         else:
             through = (self.body_of(edges[:, 0]) == first) & (self.body_of(self.triangles[numbers, 0]) == second)
             wrong = self._cut_off(first, edges[through] - self.starts[first])
+        if len(self.bodies[second].triangles) == 0:
+            wrong = wrong[:0]
         _, nearest, weights = closest_on_triangles(self.parts[first][wrong], self._corners(second))
         corners = self.bodies[second].triangles[nearest] + self.starts[second]
         way = np.einsum("kc,kcd->kd", weights, self.positions[corners]) - self.parts[first][wrong]
@@ -291,15 +256,21 @@ class Surfaces:
     def _labels(self, body: int, without: Ids) -> NDArray[np.int32]:
         """Connected pieces of a body's surface, by vertex, after some edges were taken away."""
         triangles, count = self.bodies[body].triangles, len(self.parts[body])
-        sides = np.unique(np.sort(triangles[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2), axis=1), axis=0).astype(np.int64)
+        every = np.concatenate([triangles[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2), self.bodies[body].edges])
+        sides = np.unique(np.sort(every, axis=1), axis=0).astype(np.int64)
         gone = np.sort(without, axis=1).astype(np.int64) @ [count, 1]
         sides = sides[~np.isin(sides @ [count, 1], gone)]
         graph = sparse.coo_array((np.ones(len(sides)), (sides[:, 0], sides[:, 1])), shape=(count, count))
         return np.asarray(sparse.csgraph.connected_components(graph, directed=False)[1], np.int32)
 
+    def _used(self, body: int) -> NDArray[np.int64]:
+        """Vertices of a body that take part in contact, in its own numbers."""
+        first, end = self.starts[body : body + 2]
+        return np.asarray(self.taking_part[(first <= self.taking_part) & (self.taking_part < end)] - first, np.int64)
+
     def _first_of_pieces(self, body: int) -> NDArray[np.int64]:
         """One vertex of each connected piece of its surface."""
-        used = np.unique(self.bodies[body].triangles)
+        used = self._used(body)
         labels = self._labels(body, np.empty((0, 2), np.int32))
         return np.asarray(used[np.unique(labels[used], return_index=True)[1]], np.int64)
 
@@ -319,16 +290,31 @@ class Surfaces:
         nearest: dict[tuple[int, int], Touching] = {}
         active = self.geometry.active_set(self.positions)
         for kind, pairs in active.kinds().items():
-            points = closest_points(kind, self.positions[pairs.vertices])
-            distances = np.linalg.norm(points.way, axis=1)
-            for vertices, distance in zip(pairs.vertices, distances.tolist(), strict=True):
+            distances, thickness = self.gaps(kind, pairs.vertices, self.positions)
+            for k in np.flatnonzero(distances - thickness <= 2 * self.touching).tolist():
+                vertices = pairs.vertices[k]
                 owners = np.unique(self.body_of(vertices))
                 pair = (int(owners[0]), int(owners[-1]))
-                if pair in crossing or (pair in nearest and nearest[pair].distance <= distance):
-                    continue
                 names = (self.bodies[pair[0]].name, self.bodies[pair[1]].name)
-                nearest[pair] = Touching(names, distance, self._piece(vertices.tolist()))
+                if pair in crossing or not self.meet(*names):
+                    continue
+                if pair[0] == pair[1] and self._is_near_at_rest(kind, vertices):
+                    continue
+                found = Touching(names, float(distances[k]), float(thickness[k]), self._piece(vertices.tolist()))
+                known = nearest.get(pair)
+                if known is None or found.distance - found.thickness < known.distance - known.thickness:
+                    nearest[pair] = found
         return list(nearest.values())
+
+    def gaps(self, kind: str, vertices: Ids, positions: Floats) -> tuple[Floats, Floats]:
+        """Distances [m] of close pairs of a kind, [k], and the sums of both radii there [m], [k]."""
+        points = closest_points(kind, positions[vertices])
+        return np.linalg.norm(points.way, axis=1), (np.abs(points.weights) * self.radii[vertices]).sum(axis=1)
+
+    def _is_near_at_rest(self, kind: str, vertices: Ids) -> bool:
+        """Are two pieces of one body thicker than their distance at rest, as neighbours on a fine mesh are?"""
+        distance, thickness = self.gaps(kind, vertices[None], np.concatenate([body.rest for body in self.bodies]))
+        return bool(thickness[0] > 0 and distance[0] <= thickness[0])
 
     def flipped(self) -> list[Flipped]:
         """Elements of all bodies that have no positive size."""

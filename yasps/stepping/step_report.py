@@ -40,6 +40,16 @@ class StepReport:
         return 0 if self.forces is None else len(self.forces.normal)
 
     @property
+    def sliding(self) -> int:
+        """Pairs that slide: friction has all of its force."""
+        return 0 if self.forces is None else int(self.forces.friction.slides.sum())
+
+    @property
+    def sticking(self) -> int:
+        """Pairs with friction that do not slide."""
+        return 0 if self.forces is None else len(self.forces.friction) - self.sliding
+
+    @property
     def smallest_gap(self) -> float:
         """Over the activation distance; infinite where nothing is near."""
         return float(self.forces.normal.gap.min()) / self.reach if self.forces and self.contacts else np.inf
@@ -74,6 +84,8 @@ class StepReport:
                 f"  contact: {self.contacts} pairs, smallest gap {self.smallest_gap:.3g} of the activation distance, "
                 f"largest pressure {self.largest_pressure:.3g} Pa"
             )
+            if self.sliding or self.sticking:
+                lines.append(f"  friction: {self.sticking} pairs stick, {self.sliding} slide")
             lines += [f"  on {a!r} by {b!r}: {_vector(force)} N" for (a, b), force in self.between_bodies.items()]
         return "\n".join(lines)
 
@@ -92,7 +104,7 @@ def step_report(
     energies["kinetic"] = stepper.kinetic_energy()
     for path, values in scene.energy_values().items():
         name = path.rpartition(".")[2]
-        kind = {"barrier": "contact", "friction": "friction", "gravity": "gravity"}.get(name, "other")
+        kind = {"barrier": "contact", "potential": "friction", "gravity": "gravity"}.get(name, "other")
         kind = "elastic" if name in ELASTIC else kind
         if name != "inertia":  # of backward Euler, no energy of the motion
             energies[kind] += float(values.sum())
