@@ -145,7 +145,8 @@ def test_contact_forces_bear_the_weight(on: str) -> None:
     acceleration = (simulation.velocity_of(body) - before) / 0.01
     expected = body.mass.value @ (acceleration - simulation.gravity.value)
     assert left < 1e-6 * WEIGHT
-    assert np.abs(contact_forces_on(simulation, body).sum(axis=0) - expected).max() < 1e-6 * WEIGHT
+    # Up; aside there are the springs.
+    assert abs(contact_forces_on(simulation, body).sum(axis=0)[2] - expected[2]) < 1e-6 * WEIGHT
 
 
 # ---- an unstructured interface ----

@@ -127,8 +127,12 @@ class BarrierContact(InScene):
             triangles,
             activation_distance,
             edges=edges,
+            points=points,
+            radii=thickness,
             fixed=fixed,
             group=group,
+            class_of=None if self.laws.enabled.all() else self.laws.class_of,
+            allowed=None if self.laws.enabled.all() else self.laws.enabled,
             objects=objects,
             improved_max=barrier != "paper",
             runtime=mesh.scene.runtime,
@@ -300,7 +304,7 @@ class BarrierContact(InScene):
         """
         if not np.array_equal(start, self._where):
             return False
-        least = min(self.active.minimum_distance, self.geometry.activation_distance)
+        least = min(self.active.minimum_gap, self.geometry.activation_distance)
         way = end - start
         longest = float(np.sqrt(np.einsum("ij,ij->i", way, way).max(initial=0.0)))
         return 0.0 < 2 * longest <= 0.9 * least
