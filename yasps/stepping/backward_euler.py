@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -14,10 +15,17 @@ from yasps.frontend.language.arrays import in_instances, positive_number, real_n
 from yasps.frontend.language.in_scene import InScene
 from yasps.frontend.language.scene_lock import SceneLock, one_thread_at_a_time
 from yasps.output import TimeTable
-from yasps.stepping.forces import Arms, checked_arms
+from yasps.stepping.forces import Arms, ForceMeasure, checked_arms
 from yasps.stepping.motion import Motion, positions_of
 from yasps.stepping.newton import minimize
 from yasps.stepping.settings import NewtonReport, NewtonSettings
+
+LOGGER = logging.getLogger("yasps")
+
+LAGGING = ("once", "converged")
+"""How friction is lagged in a step."""
+LAGGING_PASSES = 30
+"""Passes after the first before the stepper gives up on friction that settles."""
 
 
 @dataclass(frozen=True)
@@ -42,6 +50,10 @@ class BackwardEuler(InScene):
     translations; nothing for matrices). The first guess of a step, x_n + dt v_n + dt^2 a, is then the exact solution
     for bodies that fly freely. It is only taken where no pair is close at x_n, no collision is on the way and the
     energy is lower than at x_n. arms: see `minimize`.
+
+    lagging: normal forces, closest points and tangent planes of friction are those at the beginning of the step
+    ("once"); or, in passes, those of where the last pass ended, until they change nothing any more ("converged"). That
+    is not sure to happen; the report says whether it did.
     """
 
     def __init__(
@@ -55,7 +67,10 @@ class BackwardEuler(InScene):
         settings: NewtonSettings = NewtonSettings(),
         times: TimeTable | None = None,
         arms: Arms | None = None,
+        lagging: str = "once",
     ) -> None:
+        if lagging not in LAGGING:
+            raise SceneError(f"lagging is one of {', '.join(map(repr, LAGGING))}, got {lagging!r}")
         time_step = positive_number(time_step, "time_step", "s", SceneError)
         self.scene = scene
         self.parts = list(parts)
@@ -64,6 +79,7 @@ class BackwardEuler(InScene):
         self.settings = settings
         self.times = times or TimeTable()
         self.arms = checked_arms(arms, scene)
+        self.lagging = lagging
         self.time = 0.0
         self.velocities = [np.zeros((part.position.owner.num_instances, 3)) for part in parts if part.position.owner]
         self._accelerations = {
@@ -85,28 +101,64 @@ class BackwardEuler(InScene):
         """
         dt = self.time_step
         if self.contact is not None:
-            self.contact.check_way()
+            self.contact.start_step()
         old_targets = Motion(self.scene).start
         old_positions = [positions_of([part.position]) for part in self.parts]
         for part, x, v in zip(self.parts, old_positions, self.velocities, strict=True):
             part.predicted.update_value(x + dt * v)
         self._take_first_guess(old_targets)
-        moving = [part.position for part in self.parts]
-        report = minimize(
-            self.scene,
-            moving,
-            dt,
-            contact=self.contact,
-            settings=self.settings,
-            times=self.times,
-            arms=self.arms,
-        )
+        report = self.minimize()
         for k, (part, x) in enumerate(zip(self.parts, old_positions, strict=True)):
             self.velocities[k] = (positions_of([part.position]) - x) / dt
         new_targets = Motion(self.scene).start
         self._target_velocities = [(new - old) / dt for new, old in zip(new_targets, old_targets, strict=True)]
         self.time += dt
         return report
+
+    def minimize(self, fixed: Mapping[Attribute, ArrayLike] | None = None) -> NewtonReport:
+        """One minimisation, with these instances of targets fixed; with lagging="converged" as many as that takes."""
+        report = self._minimize_once(fixed)
+        if self.contact is None or self.contact.friction is None or self.lagging == "once":
+            return report
+        for passes in range(1, LAGGING_PASSES + 1):
+            self.contact.lag()
+            # That nothing is left to do with the new lag, the forces say, or a direction that moves nothing any more.
+            if self.settings.asks_for_forces and self._forces_hold(report, fixed):
+                return replace(report, lagging_passes=passes, lag_converged=True)
+            again = self._minimize_once(fixed)
+            report = report.followed_by(again)
+            if not self.settings.asks_for_forces and again.iterations == 1:
+                return replace(report, lagging_passes=passes + 1, lag_converged=True)
+        LOGGER.warning(
+            "friction at t = %.6g s is not settled after %d lagging passes: normal forces still change; the step is"
+            " that of the last pass",
+            self.time + self.time_step,
+            LAGGING_PASSES + 1,
+        )
+        return replace(report, lagging_passes=LAGGING_PASSES + 1, lag_converged=False)
+
+    def _minimize_once(self, fixed: Mapping[Attribute, ArrayLike] | None) -> NewtonReport:
+        return minimize(
+            self.scene,
+            [part.position for part in self.parts],
+            self.time_step,
+            contact=self.contact,
+            settings=self.settings,
+            times=self.times,
+            arms=self.arms,
+            fixed=fixed,
+        )
+
+    def _forces_hold(self, report: NewtonReport, fixed: Mapping[Attribute, ArrayLike] | None) -> bool:
+        """Whether the forces that are left now are within the tolerances of force."""
+        compiled, settings = self.scene.compile(), self.settings
+        gradient = compiled.assemble(hessian=False, fixed=compiled.unknowns_of(fixed) if fixed else None)
+        left = ForceMeasure(self.scene.minimize_targets, self.arms).largest(gradient)
+        relative = settings.relative_force_tolerance
+        return left <= min(
+            np.inf if settings.force_tolerance is None else settings.force_tolerance,
+            np.inf if relative is None else relative * report.largest_force,
+        )
 
     def _take_first_guess(self, old_targets: list[FloatArray]) -> None:
         """Moves the targets along free flight if nothing is close, nothing collides and the energy gets lower."""
