@@ -20,6 +20,7 @@ from yasps.contact.active_set import ActiveSet, Ids, Pairs, PlanePairs
 from yasps.contact.barrier import BARRIERS
 from yasps.contact.collision_geometry import Candidates, CollisionGeometry
 from yasps.contact.contact_table import ContactLaws, ContactTable, laws_of
+from yasps.contact.friction import Friction, checked_slip_length
 from yasps.contact.half_spaces import HalfSpaces, Plane
 from yasps.contact.kinds import HALF_SPACE, KINDS
 from yasps.contact.pair_primitive import ContactParts, PairPrimitive
@@ -57,7 +58,8 @@ class BarrierContact(InScene):
     where there is none, the positions now. Areas are of them, and the lengths from when on two edges are parallel.
     fixed: [n] bool, vertices that no energy moves. group: [n] int, pairs inside one group (of a stiff body, say) don't
     repel; negative means no group. objects: name -> number of vertices in order, for messages, moduli and the table;
-    default: the members of the union.
+    default: the members of the union. slip_length: up to which slip within a step pairs with friction stick [m], a
+    number or a 1x1 attribute of mesh or scene.
 
     Every state that `minimize` accepts is joined to the one before it by a way without collision. Positions that were
     changed from outside in between are held against the last accepted ones, see `check_way` and `reset`.
@@ -85,6 +87,7 @@ class BarrierContact(InScene):
         fixed: ArrayLike | None = None,
         group: ArrayLike | None = None,
         objects: Mapping[str, int] | None = None,
+        slip_length: float | Attribute | None = None,
         projection: str = "clamp",
     ) -> None:
         if barrier not in BARRIERS:
@@ -92,7 +95,7 @@ class BarrierContact(InScene):
         law = BARRIERS[barrier]
         if stiffness is not None or barrier == "paper":
             stiffness = positive_number(stiffness, "contact stiffness", law.unit, SceneError)
-        for name in (*_OWN_NAMES, *KINDS):
+        for name in _OWN_NAMES:
             mesh.check_child_name(name, "a part of contact")
         self.position = vertices["position"]
         if self.position.shape != (3, 1):
@@ -109,6 +112,7 @@ class BarrierContact(InScene):
         self.laws = laws_of(
             table or ContactTable(), objects, moduli, [plane.name for plane in planes], stiffness=stiffness
         )
+        slip_length = checked_slip_length(slip_length, mesh) if self.laws.has_friction else None
         self.geometry = CollisionGeometry(
             rest,
             triangles,
@@ -146,17 +150,24 @@ class BarrierContact(InScene):
             barrier_energy = pairs.primitive.add_attribute("barrier", computed_attribute=energy)
             mesh.scene.add_energy(barrier_energy, projection=projection)
             self.primitives[name] = pairs
+        self.friction: Friction | None = None
+        if slip_length is not None:
+            self.friction = Friction(
+                self.parts, kinds, self.laws, slip_length=slip_length, positions=positions, projection=projection
+            )
         self._given: dict[str, Pairs] = {}
         self._kept: Candidates | None = None
         self._where = positions
         self._accepted = positions
         self.active = self._close_pairs(positions)
         self._apply(self.active)
+        self.lag()
 
     @property
     def energies(self) -> list[Attribute]:
-        """The barriers of all kinds."""
-        return [pairs.primitive["barrier"] for pairs in self.primitives.values()]
+        """The barriers of all kinds, and friction."""
+        barriers = [pairs.primitive["barrier"] for pairs in self.primitives.values()]
+        return barriers if self.friction is None else barriers + self.friction.energies
 
     def _close_pairs(self, positions: FloatArray, candidates: Candidates | None = None) -> ActiveSet:
         active = self.geometry.active_set(positions, candidates)
@@ -170,6 +181,27 @@ class BarrierContact(InScene):
     def positions(self) -> FloatArray:
         """Current positions of all vertices, [n, 3]."""
         return self.position.compute().array.reshape(-1, 3)
+
+    @one_thread_at_a_time
+    def start_step(self) -> None:
+        """Begins a time step: checks the way of what was moved from outside since the last one (see `check_way`), and
+        takes normal forces of friction from the present positions. Slips count from the positions accepted before, so
+        obstacles that were moved by hand drag what lies on them.
+
+        `BackwardEuler.step` does so. Raises IntersectionError.
+        """
+        before = self._accepted
+        self.check_way()
+        if self.friction is not None:
+            self.friction.start_step(before)
+            self.lag()
+
+    @one_thread_at_a_time
+    def lag(self) -> None:
+        """Takes normal forces, closest points and tangent planes of friction from the present positions."""
+        if self.friction is not None:
+            positions = self.positions()
+            self.friction.lag(self.update(positions), positions, self.laws_of_pairs)
 
     def accept(self, positions: FloatArray) -> None:
         """Notes that the vertices came to these positions [n, 3] on a way that was free of collisions."""
@@ -244,7 +276,7 @@ class BarrierContact(InScene):
         """
         if not np.array_equal(start, self._where):
             return False
-        least = min(self.active.minimum_distance, self.geometry.activation_distance)
+        least = min(self.active.minimum_gap, self.geometry.activation_distance)
         way = end - start
         longest = float(np.sqrt(np.einsum("ij,ij->i", way, way).max(initial=0.0)))
         return 0.0 < 2 * longest <= 0.9 * least
@@ -264,8 +296,11 @@ class BarrierContact(InScene):
         return self.laws.of(pairs.vertices[:, first], pairs.vertices[:, second])
 
 
-_OWN_NAMES = ("reach", "squared_reach", "laws", "planes", "half_space", "surface_points", "surface_triangles")
-"""What contact adds to its mesh besides the kinds of pairs."""
+_OWN_NAMES = (
+    *("reach", "squared_reach", "slip_length", "laws", "planes", "surface_points", "surface_triangles"),
+    *(f"{kind}{part}" for kind in (*KINDS, "half_space") for part in ("", "_friction")),
+)
+"""What contact adds to its mesh."""
 
 
 def _add_parts(
