@@ -7,6 +7,7 @@ in the next line.
 
 from __future__ import annotations
 
+import logging
 import tempfile
 import time
 from collections.abc import Callable, Iterable, Mapping, Sequence
@@ -29,7 +30,7 @@ from yasps import (
 )
 from yasps.bodies import Body, HalfSpace, MovingObstacle
 from yasps.contact import BarrierContact, ContactForces, ContactTable, check_start, contact_forces
-from yasps.frontend.language.arrays import real_numbers
+from yasps.frontend.language.arrays import positive_number, real_numbers
 from yasps.meshes.tetrahedral_mesh import Float64Array
 from yasps.output import FrameProgress, TimeTable
 from yasps.stepping import (
@@ -47,6 +48,8 @@ from yasps.stepping import (
     step_or_halves,
     step_report,
 )
+
+LOGGER = logging.getLogger("yasps")
 
 PIN_STIFFNESS = 1e3
 """Stiffness of a pin, in masses of its body over the squared time step: a body that hangs on one sinks by
@@ -69,6 +72,8 @@ class _ContactOptions:
     table: ContactTable
     barrier: str
     stiffness: float | None
+    eps_v: float
+    lagging: str
 
 
 class Simulation:
@@ -80,7 +85,8 @@ class Simulation:
     contact_stiffness: see `BarrierContact`; by default "log", with a tenth of the softer body's modulus [Pa]; for
     "paper" 10 N over the cubed activation distance [J/m^4]. velocities: body -> velocity at the start [m/s], one or one
     for each vertex. settings: of Newton's method; by default the tolerance is a tenth of the activation distance a
-    step, at most 2e-3 m/s.
+    step, at most 2e-3 m/s, with friction at most a tenth of eps_v. eps_v: speed below which things with friction stick
+    [m/s]. lagging: see `BackwardEuler`.
 
     `gravity` is a constant of the scene that can be changed between steps; `before_step` and `after_step` are lists of
     functions that are called with the simulation.
@@ -100,6 +106,8 @@ class Simulation:
         contacts: ContactTable | None = None,
         barrier: str = "log",
         contact_stiffness: float | None = None,
+        eps_v: float = 1e-3,
+        lagging: str = "once",
         velocities: Mapping[Body, ArrayLike] | None = None,
         settings: NewtonSettings | None = None,
         times: TimeTable | None = None,
@@ -113,7 +121,13 @@ class Simulation:
         self._last: NewtonReport | None = None
         self._has_contact = contact
         self._given = (activation_distance, settings)
-        self._contact_options = _ContactOptions(contacts or ContactTable(), barrier, contact_stiffness)
+        self._contact_options = _ContactOptions(
+            contacts or ContactTable(),
+            barrier,
+            contact_stiffness,
+            positive_number(eps_v, "eps_v", "m/s", SceneError),
+            lagging,
+        )
         self._predicted: dict[Body, Attribute] = {}
         self._fields: list[tuple[Body, ForceField, str]] = []
         self._unions = 0
@@ -242,6 +256,17 @@ class Simulation:
             self.contact = contact
         time_step = float(self.time_step.value[0])
         now = self.time
+        options = self._contact_options
+        tolerance = min(2e-3, 0.1 * activation_distance / time_step)
+        if self.contact is not None and self.contact.friction is not None:
+            tolerance = min(tolerance, 0.1 * options.eps_v)
+            if settings is not None and (settings.velocity_tolerance or 0.0) > 0.1 * options.eps_v:
+                LOGGER.warning(
+                    "friction: the velocity tolerance, %.3g m/s, is more than a tenth of eps_v, %.3g m/s, the speed"
+                    " below which things stick: whether they do is left to chance",
+                    settings.velocity_tolerance,
+                    options.eps_v,
+                )
         self.stepper = BackwardEuler(
             self.scene,
             [MovingPart(body.position, self._predicted[body], body.mass) for body in self.moving],
@@ -249,8 +274,8 @@ class Simulation:
             self.contact,
             accelerations={target: self.gravity.value for body in self.moving for target in body.falling},
             # Newton stops well inside the activation distance, or contact forces would be left half-balanced.
-            settings=settings
-            or NewtonSettings(velocity_tolerance=min(2e-3, 0.1 * activation_distance / time_step), max_iterations=500),
+            settings=settings or NewtonSettings(velocity_tolerance=tolerance, max_iterations=500),
+            lagging=options.lagging,
             times=self.times,
             arms={target: arm for body in self.moving for target, arm in body.arms.items()},
         )
@@ -294,6 +319,7 @@ class Simulation:
             fixed=np.repeat([body.is_fixed and body not in self._drives for body in bodies], counts),
             group=np.repeat(groups, counts),
             objects={body.name: len(body.rest) for body in bodies},
+            slip_length=self.time_step * options.eps_v,
         )
 
     def _number_of(self, body: Body) -> int:
@@ -442,13 +468,15 @@ class Simulation:
         """
         for call in self.before_step:
             call(self)
-        before = self.state()
+        before, past = self.state(), None if self.contact is None else self.contact.save()
         for body, field, name in self._fields:
             body.vertices[name].update_value(self._forces(body, field, name))
         try:
             report = step_or_halves(self.stepper, self._set_time_step, self.rescue)
         except YaspsError as error:
             self._set_state(before)
+            if self.contact is not None and past is not None:
+                self.contact.load(past)
             file = Path(tempfile.mkdtemp(prefix="yasps-")) / f"{self.scene.name}-step-{self.frame + 1}.npz"
             np.savez(file, allow_pickle=False, **before)
             error.add_note(

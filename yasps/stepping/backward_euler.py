@@ -2,25 +2,33 @@
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from yasps import Attribute, FloatArray, Scene, SceneError, YaspsError
-from yasps.contact import BarrierContact
+from yasps.contact import BarrierContact, ContactPast
 from yasps.frontend.language.arrays import in_instances, positive_number, real_numbers
 from yasps.frontend.language.in_scene import InScene
 from yasps.frontend.language.scene_lock import SceneLock, one_thread_at_a_time
 from yasps.output import TimeTable
 from yasps.stepping.arrival import Arrival
 from yasps.stepping.driven import Driven
-from yasps.stepping.forces import Arms, checked_arms
+from yasps.stepping.forces import Arms, ForceMeasure, checked_arms
 from yasps.stepping.motion import Motion, positions_of
 from yasps.stepping.newton import minimize
 from yasps.stepping.settings import NewtonReport, NewtonSettings
+
+LOGGER = logging.getLogger("yasps")
+
+LAGGING = ("once", "converged")
+"""How friction is lagged in a step."""
+LAGGING_PASSES = 30
+"""Passes after the first before the stepper gives up on friction that settles."""
 
 
 @dataclass(frozen=True)
@@ -35,13 +43,14 @@ class MovingPart:
 @dataclass(frozen=True)
 class StepperState:
     """What a step of `BackwardEuler` changes: values of targets, velocities of parts and targets, what driven
-    vertices say of themselves, and the time."""
+    vertices say of themselves, the time, and what contact remembers."""
 
     targets: list[FloatArray]
     velocities: list[FloatArray]
     target_velocities: list[FloatArray]
     driven: list[tuple[Any, ...]]
     time: float
+    contact: ContactPast | None
 
 
 def _of_one_instance(acceleration: ArrayLike, target: Attribute) -> FloatArray:
@@ -60,6 +69,10 @@ class BackwardEuler(InScene):
 
     `driven`: vertices that are prescribed (see `Driven`); `immovable`: of all vertices of the contact, which no target
     moves, [n]; `driven_tolerance` [m]: how near vertices that can't be set must come to their places.
+
+    lagging: normal forces, closest points and tangent planes of friction are those at the beginning of the step
+    ("once"); or, in passes, those of where the last pass ended, until they change nothing any more ("converged"). That
+    is not sure to happen; the report says whether it did.
     """
 
     def __init__(
@@ -73,7 +86,10 @@ class BackwardEuler(InScene):
         settings: NewtonSettings = NewtonSettings(),
         times: TimeTable | None = None,
         arms: Arms | None = None,
+        lagging: str = "once",
     ) -> None:
+        if lagging not in LAGGING:
+            raise SceneError(f"lagging is one of {', '.join(map(repr, LAGGING))}, got {lagging!r}")
         time_step = positive_number(time_step, "time_step", "s", SceneError)
         self.scene = scene
         self.parts = list(parts)
@@ -82,6 +98,7 @@ class BackwardEuler(InScene):
         self.settings = settings
         self.times = times or TimeTable()
         self.arms = checked_arms(arms, scene)
+        self.lagging = lagging
         self.time = 0.0
         self.driven: list[Driven] = []
         self.driven_tolerance = 1e-9
@@ -106,7 +123,7 @@ class BackwardEuler(InScene):
         """
         dt = self.time_step
         if self.contact is not None:
-            self.contact.check_way()
+            self.contact.start_step()
         old_targets = Motion(self.scene).start
         old_positions = [positions_of([part.position]) for part in self.parts]
         for part, x, v in zip(self.parts, old_positions, self.velocities, strict=True):
@@ -132,6 +149,28 @@ class BackwardEuler(InScene):
             raise
 
     def minimize(self, fixed: Mapping[Attribute, ArrayLike] | None = None) -> NewtonReport:
+        """One minimisation, with these instances of targets fixed; with lagging="converged" as many as that takes."""
+        report = self.minimize_once(fixed)
+        if self.contact is None or self.contact.friction is None or self.lagging == "once":
+            return report
+        for passes in range(1, LAGGING_PASSES + 1):
+            self.contact.lag()
+            # That nothing is left to do with the new lag, the forces say, or a direction that moves nothing any more.
+            if self.settings.asks_for_forces and self._forces_hold(report, fixed):
+                return replace(report, lagging_passes=passes, lag_converged=True)
+            again = self.minimize_once(fixed)
+            report = report.followed_by(again)
+            if not self.settings.asks_for_forces and again.iterations == 1:
+                return replace(report, lagging_passes=passes + 1, lag_converged=True)
+        LOGGER.warning(
+            "friction at t = %.6g s is not settled after %d lagging passes: normal forces still change; the step is"
+            " that of the last pass",
+            self.time + self.time_step,
+            LAGGING_PASSES + 1,
+        )
+        return replace(report, lagging_passes=LAGGING_PASSES + 1, lag_converged=False)
+
+    def minimize_once(self, fixed: Mapping[Attribute, ArrayLike] | None = None) -> NewtonReport:
         """One minimisation, with these instances of targets fixed."""
         return minimize(
             self.scene,
@@ -142,6 +181,17 @@ class BackwardEuler(InScene):
             times=self.times,
             arms=self.arms,
             fixed=fixed,
+        )
+
+    def _forces_hold(self, report: NewtonReport, fixed: Mapping[Attribute, ArrayLike] | None) -> bool:
+        """Whether the forces that are left now are within the tolerances of force."""
+        compiled, settings = self.scene.compile(), self.settings
+        gradient = compiled.assemble(hessian=False, fixed=compiled.unknowns_of(fixed) if fixed else None)
+        left = ForceMeasure(self.scene.minimize_targets, self.arms).largest(gradient)
+        relative = settings.relative_force_tolerance
+        return left <= min(
+            np.inf if settings.force_tolerance is None else settings.force_tolerance,
+            np.inf if relative is None else relative * report.largest_force,
         )
 
     def take_first_guess(
@@ -189,6 +239,7 @@ class BackwardEuler(InScene):
             [velocity.copy() for velocity in self.target_velocities],
             [one.save() for one in self.driven],
             self.time,
+            None if self.contact is None else self.contact.save(),
         )
 
     def load(self, state: StepperState) -> None:
@@ -199,8 +250,8 @@ class BackwardEuler(InScene):
         for one, saved in zip(self.driven, state.driven, strict=True):
             one.load(saved)
         self.time = state.time
-        if self.contact is not None:
-            self.contact.reset()
+        if self.contact is not None and state.contact is not None:
+            self.contact.load(state.contact)
 
     def kinetic_energy(self) -> float:
         """Sum of m v^2 / 2 over all parts [J]."""

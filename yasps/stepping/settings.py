@@ -78,6 +78,10 @@ class NewtonReport:
     """Largest force of any one energy on any one vertex there [N]."""
     substeps: int = 1
     """Into how many parts the time step was cut (see `Simulation`)."""
+    lagging_passes: int = 1
+    """How often the energy was minimised, with the normal forces of friction taken from where the last time ended."""
+    lag_converged: bool | None = None
+    """Whether friction is balanced by normal forces of the end itself; None where nobody asked."""
 
     @property
     def relative_residual_force(self) -> float:
