@@ -130,7 +130,7 @@ class Simulation:
         )
         self._predicted: dict[Body, Attribute] = {}
         self._fields: list[tuple[Body, ForceField, str]] = []
-        self._unions = 0
+        self._unions = self._pins = 0
         self._drives: dict[Body, DrivenSurface] = {}
         self._driven: list[Driven] = []
         """All that is driven, obstacles and pins."""
@@ -360,10 +360,8 @@ class Simulation:
 
     def _add_anchors(self, body: Body) -> Anchors:
         """Springs that hold nothing yet."""
-        number = 1
-        while f"pins_{number}" in body.mesh:
-            number += 1
-        anchors = Anchors(body.mesh, f"pins_{number}", body.vertices)
+        self._pins += 1
+        anchors = Anchors(body.mesh, f"pins_{self._pins}", body.vertices)
         body.add_energy(anchors.energy)
         return anchors
 
