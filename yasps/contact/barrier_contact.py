@@ -14,7 +14,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from yasps import Attribute, FloatArray, IntersectionError, Mesh, PrimitiveBase, PrimitiveUnion, SceneError
 from yasps.contact.active_set import ActiveSet, Ids, Pairs, PlanePairs
@@ -255,6 +255,12 @@ class BarrierContact(InScene):
                 " so by reset() of the contact"
             ) from error
         self.accept(where)
+
+    def check_free_way(self, start: FloatArray, end: FloatArray, *, only: NDArray[np.bool_] | None = None) -> None:
+        """Raises IntersectionError, with names, if something meets on the straight way from start to end [n, 3], from
+        where surfaces are apart. only: bool [n], of surface pieces those of these vertices alone."""
+        self.geometry.check_way(start, end, only=only)
+        self.half_spaces.check_free(end, self.geometry._name)
 
     @one_thread_at_a_time
     def reset(self) -> None:

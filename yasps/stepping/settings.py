@@ -80,6 +80,8 @@ class NewtonReport:
     """How often the energy was minimised, with the normal forces of friction taken from where the last time ended."""
     lag_converged: bool | None = None
     """Whether friction is balanced by normal forces of the end itself; None where nobody asked."""
+    substeps: int = 1
+    """Into how many parts the time step was cut (see `Simulation`)."""
 
     @property
     def relative_residual_force(self) -> float:
