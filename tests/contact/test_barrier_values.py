@@ -127,7 +127,7 @@ def test_barrier_against_many_digits(radius: float) -> None:
             (np.array([[0.0, 0, 0], [2, 0, 0], [0, 2, 0]]), np.array([[0, 1, 2]], np.int32)),
             (np.array([[0.3, 0.3, height], [1.3, 0.3, 3.0], [0.3, 1.3, 3.0]]), np.array([[0, 1, 2]], np.int32)),
         )
-        scene, contact = scene_of(points, faces, dhat, radii=radius)
+        scene, contact = scene_of(points, faces, dhat, radii=radius, objects={"lower": 3, "upper": 3})
         assert len(contact.active.point_triangle) == len(contact.active) == 1
         area = 0.5 * areas_of(points, faces, contact.geometry.edges)[0][3]
         with mpmath.workdps(40):
@@ -174,3 +174,28 @@ def test_pressure_is_that_of_the_law() -> None:
     ratio = 0.16
     slope = (1 - ratio) * (2 * np.log(ratio) - (1 - ratio) / ratio) * 2 * 0.4
     np.testing.assert_allclose(np.concatenate(found), -KAPPA * slope, rtol=1e-12)
+
+
+def test_gradients_go_through_areas_and_thresholds() -> None:
+    """d^2 E / (dx dX) for positions X at rest, which say how large areas are and from when on edges are parallel."""
+    mesh, dhat = SCENES["edges crossing at 0.001"]
+    points, faces = mesh
+    scene = Scene("surface")
+    vertices = scene.add_mesh("mesh").add_primitive("vertices", len(points))
+    position = vertices.add_attribute("position", 3, 1, value=points)
+    start = points + 0.02 * np.random.default_rng(2).standard_normal(points.shape)
+    rest = vertices.add_constant("rest_position", 3, 1, value=start)
+    contact = BarrierContact(scene.mesh, vertices, faces, activation_distance=dhat, stiffness=KAPPA, projection="none")
+    scene.add_minimize_target(position)
+    assert all(len(contact.active.kinds()[name]) for name in KINDS)
+    found = scene.mixed_hessian(position, rest).toarray()
+    for seed in range(3):
+        way = np.random.default_rng(seed).standard_normal(points.shape)
+        step = 1e-6
+        gradients = []
+        for sign in (-1, 1):
+            rest.update_value(start + sign * step * way)
+            gradients.append(scene.gradient()[0])
+        rest.update_value(start)
+        expected = (gradients[1] - gradients[0]) / (2 * step)
+        np.testing.assert_allclose(found @ way.reshape(-1), expected, rtol=0, atol=1e-7 * np.abs(expected).max())

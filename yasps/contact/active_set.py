@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -34,6 +35,10 @@ class Pairs:
 
     def __len__(self) -> int:
         return len(self.weight)
+
+    def chosen(self, mask: NDArray[np.bool_]) -> Self:
+        """The entries where the mask, [n], says so."""
+        return type(self)(**{name: value[mask] for name, value in vars(self).items()})
 
     def same_as(self, other: Pairs) -> bool:
         """Whether the other has the same entries, to the last bit."""

@@ -16,7 +16,7 @@ from dataclasses import dataclass
 from typing import Never
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from yasps import DataError, IntersectionError, SceneError
 from yasps.contact.active_set import ActiveSet, Floats, Ids, active_set_of
@@ -262,17 +262,21 @@ class CollisionGeometry(Uncopied):
             self._require_no_crossing(first, "start")
         return self._bound(first, last, candidates.pairs)
 
-    def check_way(self, start: ArrayLike, end: ArrayLike) -> None:
+    def check_way(self, start: ArrayLike, end: ArrayLike, *, only: NDArray[np.bool_] | None = None) -> None:
         """Raise IntersectionError, naming a pair that meets, if surfaces do on the straight way from `start` to `end`
         [n, 3].
 
         Surfaces may come as near each other as a thousandth of the activation distance, or half their smallest distance
-        at `start` where that is less. `start` must be free of intersections.
+        at `start` where that is less. `start` must be free of intersections. `only` [n]: pairs of these vertices alone.
         """
         first, last = self._checked(start, "start"), self._checked(end, "end")
         here, done, allowed = first, 0.0, 1e-3 * self.activation_distance
         while True:
             pairs = self.candidates(here, last, distance=0.0).pairs
+            if only is not None:
+                pairs = SurfacePairs(
+                    *(kind[only[kind].all(axis=1)] for kind in (pairs.edge_edge, pairs.vertex_triangle))
+                )
             step = self._bound(here, last, pairs)
             if step == 1.0:
                 return

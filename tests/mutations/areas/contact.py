@@ -342,20 +342,6 @@ MUTATIONS = (
         (f"{SLIPS}::test_all_static_friction_is_there_before_it_falls",),
     ),
     Mutation(
-        "the normal force of the logarithm with its support squared",
-        FRICTION,
-        "(2 * d / support) * ((1 - tau)",
-        "(2 * d / reach) * ((1 - tau)",
-        (f"{SLIPS}::test_normal_force_of_the_log_barrier",),
-    ),
-    Mutation(
-        "the normal force of the paper's barrier by the squared distance",
-        FRICTION,
-        "4 * strength * d * gap",
-        "2 * strength * gap",
-        (f"{SLIPS}::test_normal_force_of_the_papers_barrier",),
-    ),
-    Mutation(
         "friction of the sum of both ways instead of their difference",
         FRICTION,
         "kind.tangents(lagged).T * (way.T * kind.weights(lagged))",
