@@ -5,12 +5,13 @@ from __future__ import annotations
 import os
 import re
 import weakref
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, TypedDict, Unpack, cast, overload
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from yasps.backend.reference.scene_data import save_scene_data
 from yasps.dialects.mat import spell
@@ -64,6 +65,7 @@ class _SolveOptions(TypedDict, total=False):
     solver: str
     projection: str
     history: bool
+    fixed: Mapping[Attribute, ArrayLike] | None
 
 
 @both_spellings
@@ -254,16 +256,17 @@ class Scene(SceneNames, Entity):
         *,
         solver: str = "pcg",
         projection: str = "always",
+        fixed: Mapping[Attribute, ArrayLike] | None = None,
     ) -> list[FloatArray]:
         """x of H x = g, one flat array for each target (paper, 4.8); the Newton step is the *negative*: -x.
 
         g is the gradient of all energies, H their projected Hessian. tolerance: relative, on the squared preconditioned
-        norm of the residual, r^T M^-1 r <= tolerance g^T M^-1 g. solver, projection: see `solve`.
+        norm of the residual, r^T M^-1 r <= tolerance g^T M^-1 g. solver, projection, fixed: see `solve`.
 
         Raises NotConvergedError if the solver stops before that, NotFiniteError, SceneError without energies or
         targets, DataError or ConnectivityError for numbers that don't fit a dynamic primitive's size or bad arguments.
         """
-        solution = self.solve(tolerance, max_iterations, solver=solver, projection=projection)
+        solution = self.solve(tolerance, max_iterations, solver=solver, projection=projection, fixed=fixed)
         report = solution.report
         if report.converged:
             return solution.directions
@@ -287,6 +290,7 @@ class Scene(SceneNames, Entity):
         solver: str = "pcg",
         projection: str = "always",
         history: bool = False,
+        fixed: Mapping[Attribute, ArrayLike] | None = None,
     ) -> Solution:
         """As `minimize_energy`, with gradient and solver's report, and without raising when it did not converge.
 
@@ -294,10 +298,12 @@ class Scene(SceneNames, Entity):
         iterations for; "auto", the one that did better (see `LinearSolver`). projection: "always", or "on-demand",
         which removes negative eigenvalues only if the exact Hessian turns out not to be positive definite (see
         `solve_newton_system`). history: keep the residual of every iteration of conjugate gradients in the report.
+        fixed: target -> which of its instances stay as they are, bool [instances]: gradient and x are 0 there, and the
+        system is that of the others. Nothing is compiled for it. Raises SceneError for what is no target, DataError.
         """
         options = solve_options(tolerance, max_iterations, solver=solver, projection=projection, history=history)
         compiled = self.compile()
-        solved = solve_newton_system(compiled, options)
+        solved = solve_newton_system(compiled, options, fixed=compiled.unknowns_of(fixed) if fixed else None)
         return Solution(compiled.split(solved.x), compiled.split(solved.gradient), solved.report)
 
     @one_thread_at_a_time

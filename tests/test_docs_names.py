@@ -128,7 +128,8 @@ def test_pieces_of_code_are_found() -> None:
     found = [code for document in DOCUMENTS for code in map(as_python, shown(running_text(document))) if code]
     assert len(found) > 100
     assert "scene.mixed_hessian(targets, parameters)" in found
-    assert "minimize(scene, positions, time_step, contact=None, settings=NewtonSettings(), times=None)" in found
+    minimize = "minimize(scene, positions, time_step, contact=None, settings=NewtonSettings(), times=None"
+    assert f"{minimize}, arms=None, fixed=None)" in found
 
 
 @pytest.mark.slow

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import time
 from abc import ABC, abstractmethod
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 from xdsl.dialects.builtin import ModuleOp
 
 from yasps.backend.codegen.object_text import Binding, ObjectEmitter
@@ -19,6 +19,7 @@ from yasps.backend.codegen.scene_view import SceneView
 from yasps.backend.reference.scene_data import SceneData
 from yasps.frontend.errors import ConnectivityError, NotFiniteError, SceneError
 from yasps.frontend.execution.emit import EnergyTerm
+from yasps.frontend.execution.fixed_unknowns import unknowns_of
 from yasps.frontend.execution.hessian import Hessian
 from yasps.frontend.execution.scene_source import CompileRequest, SceneSource
 from yasps.frontend.language.attribute import Attribute
@@ -164,6 +165,10 @@ class CompiledScene(InScene, ABC):
     ) -> tuple[FloatArray, Sequence[int | None]]:
         """Gradient of all targets and, with `hessian`, the Hessian, which stays inside; of each term the first
         instance, if any, whose derivatives are not finite."""
+
+    @abstractmethod
+    def _fix(self, fixed: NDArray[np.bool_]) -> None:
+        """Makes rows and columns of these unknowns in the assembled Hessian those of the identity."""
 
     @abstractmethod
     def solve_linear(self, gradient: FloatArray, options: SolveOptions) -> tuple[FloatArray, SolveReport]:
@@ -333,14 +338,23 @@ class CompiledScene(InScene, ABC):
         return [term for term in self._terms if term.derivative is not None and term.count]
 
     @one_thread_at_a_time
-    def assemble(self, *, hessian: bool = True, project: bool = True) -> FloatArray:
+    def assemble(
+        self, *, hessian: bool = True, project: bool = True, fixed: NDArray[np.bool_] | None = None
+    ) -> FloatArray:
         """Gradient of all targets, end to end; with `hessian` also the Hessian, which stays inside, else that is left
-        as it is. project: remove negative eigenvalues as the energies were registered.
+        as it is. project: remove negative eigenvalues as the energies were registered. fixed: unknowns that stay as
+        they are, [unknowns], whole instances of targets: their gradient is 0, and so are their rows and columns of the
+        Hessian, but for ones on the diagonal.
 
         Raises NotFiniteError that names the energy and the instance.
         """
         self.update_structure()
-        return self._gradient_of(self._derived_terms(), hessian=hessian, project=project)
+        gradient = self._gradient_of(self._derived_terms(), hessian=hessian, project=project)
+        if fixed is not None:
+            gradient[fixed] = 0.0
+            if hessian:
+                self._fix(fixed)
+        return gradient
 
     @one_thread_at_a_time
     def gradients(self) -> dict[str, FloatArray]:
@@ -378,6 +392,13 @@ class CompiledScene(InScene, ABC):
         sizes = [target.node.array.size for target in self.targets if isinstance(target.node, Stored)]
         boundaries = np.cumsum([0, *sizes]).astype(np.int64)
         return boundaries, np.array([rows * cols for rows, cols in (t.shape for t in self.targets)], np.int32)
+
+    def unknowns_of(self, fixed: Mapping[Attribute, ArrayLike]) -> NDArray[np.bool_]:
+        """For each scalar unknown whether it is fixed, [unknowns]; fixed: target -> bool [instances].
+
+        Raises SceneError for what is no target, DataError for other shapes and types.
+        """
+        return unknowns_of(self.targets, fixed)
 
     def _not_finite(self, term: Term, instance: int) -> NotFiniteError:
         value = float(self._run(term.symbol, term.count, (1, 1))[instance, 0, 0])

@@ -47,6 +47,8 @@ class CpuScene(CompiledScene):
         self.static_matrix = BlockMatrix(runtime, with_diagonal=True)
         self.dynamic_matrix = BlockMatrix(runtime, with_diagonal=False)
         self._assembler = Assembler(runtime, deterministic=deterministic)
+        # What an assembler remembers of the places that it writes to is another for a gradient alone.
+        self._of_gradients = Assembler(runtime, deterministic=deterministic)
         self._solver = LinearSolver(runtime, deterministic=deterministic)
         super().__init__(request)
 
@@ -139,12 +141,17 @@ class CpuScene(CompiledScene):
                 )
             )
         parts = [self.static_matrix, self.dynamic_matrix] if hessian else []
-        statuses = self._assembler.assemble(calls, parts, gradient, self.static_matrix.block_size_at)
+        assembler = self._assembler if hessian else self._of_gradients
+        statuses = assembler.assemble(calls, parts, gradient, self.static_matrix.block_size_at)
         first_bad = [status.first_bad for status in statuses]
         for k, (bad, placement) in enumerate(zip(first_bad, placements, strict=True)):
             if bad is not None and placement.ordered is not None:
                 first_bad[k] = int(placement.ordered.order[bad])
         return gradient, first_bad
+
+    def _fix(self, fixed: NDArray[np.bool_]) -> None:
+        self.static_matrix.fix(fixed)
+        self.dynamic_matrix.fix(fixed)
 
     @one_thread_at_a_time
     def solve_linear(self, gradient: FloatArray, options: SolveOptions) -> tuple[FloatArray, SolveReport]:

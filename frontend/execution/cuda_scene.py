@@ -20,7 +20,7 @@ from yasps.backend.codegen.program import CompiledModule, dump_sources
 from yasps.backend.codegen.scene_view import SceneView
 from yasps.backend.cuda.object import CudaEmitter
 from yasps.backend.cuda.program import NONE_BAD, CudaProgram, DerivativeLaunch
-from yasps.frontend.errors import ConnectivityError, DataError
+from yasps.frontend.errors import ConnectivityError, DataError, UnsupportedSceneError
 from yasps.frontend.execution.compiled_scene import CompiledScene, Term
 from yasps.frontend.execution.device_report import CUDA_KEY
 from yasps.frontend.execution.scene_source import CompileRequest
@@ -202,18 +202,21 @@ class CudaScene(CompiledScene):
         self, terms: Sequence[Term], *, hessian: bool, project: bool
     ) -> tuple[FloatArray, Sequence[int | None]]:
         self._outcomes.upload(np.array([[NONE_BAD, 0]] * len(terms), np.uint64).reshape(-1, 2))
-        self.launch_assembly(hessian=hessian, project=project)
+        self.launch_assembly(hessian=hessian, project=project, terms=terms)
         outcomes = self._outcomes.download()[:, 0]
         return self._gradient.values.download(), [int(bad) if bad != NONE_BAD else None for bad in outcomes]
 
     @one_thread_at_a_time
-    def launch_assembly(self, *, hessian: bool = True, project: bool = True) -> None:
-        """What `assemble` does on the device alone, after it was called once: nothing is copied, nobody waits."""
+    def launch_assembly(
+        self, *, hessian: bool = True, project: bool = True, terms: Sequence[Term] | None = None
+    ) -> None:
+        """What `assemble` does on the device alone, after it was called once: nothing is copied, nobody waits.
+        terms: only these energies."""
         matrices = [self.static_matrix, self.dynamic_matrix]
         results: list[CudaGradient | CudaBlockMatrix] = [self._gradient, *(matrices if hessian else [])]
         for result in results:
             result.clear()
-        for k, term in enumerate(self._derived_terms()):
+        for k, term in enumerate(self._derived_terms() if terms is None else terms):
             placement, matrix = self._placements[term.symbol], matrices[term.dynamic]
             assert term.derivative is not None
             assert placement.positions is not None
@@ -232,6 +235,12 @@ class CudaScene(CompiledScene):
             self.program.launch_derivative(launch)
         for result in results:
             result.finish()
+
+    def _fix(self, fixed: NDArray[np.bool_]) -> None:
+        raise UnsupportedSceneError(
+            "unknowns can be fixed on the CPU only: make the scene with device='cpu', or take what does not move out "
+            "of the minimisation targets"
+        )
 
     @one_thread_at_a_time
     def solve_linear(self, gradient: FloatArray, options: SolveOptions) -> tuple[FloatArray, SolveReport]:

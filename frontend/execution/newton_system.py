@@ -6,6 +6,9 @@ from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass
 from typing import Protocol
 
+import numpy as np
+from numpy.typing import NDArray
+
 from yasps.frontend.errors import DataError
 from yasps.frontend.execution.compiled_scene import CompiledScene
 from yasps.frontend.language.nodes import FloatArray
@@ -71,7 +74,11 @@ def solve_options(
 
 
 def solve_newton_system(
-    compiled: CompiledScene, options: SolveOptions, *, stages: Stages | None = None
+    compiled: CompiledScene,
+    options: SolveOptions,
+    *,
+    stages: Stages | None = None,
+    fixed: NDArray[np.bool_] | None = None,
 ) -> NewtonSolution:
     """Assembles gradient and Hessian at the current values and solves H x = g.
 
@@ -80,13 +87,15 @@ def solve_newton_system(
     curvature, a factorisation a pivot that isn't positive, or -x does not go downhill. At a minimum H needs no
     projection and Newton's method converges quadratically there.
 
+    fixed: unknowns that stay as they are, see `CompiledScene.assemble` and `CompiledScene.unknowns_of`; x is 0 there.
+
     The report tells how the solve ended; nothing is raised for it. Raises NotFiniteError.
     """
     stages = stages or _NoStages()
     wasted = 0
     for project in (True,) if options.projection == "always" else (False, True):
         with stages.stage("derivatives and assembly"):
-            gradient = compiled.assemble(project=project)
+            gradient = compiled.assemble(project=project, fixed=fixed)
         with stages.stage("linear solver"):
             x, report = compiled.solve_linear(gradient, options)
         solution = NewtonSolution(x, gradient, report, project, wasted)

@@ -1,7 +1,7 @@
 # ruff: noqa: N802
 """The paper's spelling for type checkers. Written by tools/write_stubs.py from the classes themselves."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -190,12 +190,18 @@ class SceneNames:
         """
 
     def minimizeEnergy(
-        self, tolerance: float = 0.0001, maxIterations: int = 10000, *, solver: str = "pcg", projection: str = "always"
+        self,
+        tolerance: float = 0.0001,
+        maxIterations: int = 10000,
+        *,
+        solver: str = "pcg",
+        projection: str = "always",
+        fixed: Mapping[Attribute, ArrayLike] | None = None,
     ) -> list[FloatArray]:
         """x of H x = g, one flat array for each target (paper, 4.8); the Newton step is the *negative*: -x.
 
         g is the gradient of all energies, H their projected Hessian. tolerance: relative, on the squared preconditioned
-        norm of the residual, r^T M^-1 r <= tolerance g^T M^-1 g. solver, projection: see `solve`.
+        norm of the residual, r^T M^-1 r <= tolerance g^T M^-1 g. solver, projection, fixed: see `solve`.
 
         Raises NotConvergedError if the solver stops before that, NotFiniteError, SceneError without energies or
         targets, DataError or ConnectivityError for numbers that don't fit a dynamic primitive's size or bad arguments.

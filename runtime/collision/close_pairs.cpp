@@ -6,85 +6,16 @@
 #include <algorithm>
 #include <new>
 
+#include "collision/close_entry.h"
 #include "collision/improved_max.h"
 #include "collision/list.h"
 #include "collision/pair_distance.h"
+#include "collision/thickness.h"
 #include "collision/time_apart.h"
 #include "core/runtime.h"
 
 namespace yasps {
 namespace {
-
-// In the order of the fields of ActiveSet.
-enum Kind {
-    kPointPoint,
-    kPointEdge,
-    kPointTriangle,
-    kEdgeEdge,
-    kMollifiedEdgeEdge,
-    kMollifiedPointEdge,
-    kMollifiedPointPoint,
-    kKinds
-};
-
-// Its layout is part of the interface to Python.
-struct CloseEntry {
-    int kind;
-    int vertices[4];  // the places that a kind does not use are 0
-    int edges[2];     // of an edge pair, with improved max
-    int times[2];     // how often the areas of vertices[0] and vertices[1] count, with improved max
-    int weight;       // how many pairs it is
-};
-
-inline bool same_entry(const CloseEntry& a, const CloseEntry& b) {
-    return a.kind == b.kind && std::equal(a.vertices, a.vertices + 4, b.vertices) &&
-           std::equal(a.edges, a.edges + 2, b.edges);
-}
-inline bool before(const CloseEntry& a, const CloseEntry& b) {
-    if (a.kind != b.kind) return a.kind < b.kind;
-    for (int k = 0; k < 4; ++k)
-        if (a.vertices[k] != b.vertices[k]) return a.vertices[k] < b.vertices[k];
-    return std::lexicographical_compare(a.edges, a.edges + 2, b.edges, b.edges + 2);
-}
-
-inline CloseEntry entry(int kind, int a, int b, int c, int d) { return {kind, {a, b, c, d}, {0, 0}, {0, 0}, 1}; }
-inline CloseEntry point_point(int a, int b) { return entry(kPointPoint, std::min(a, b), std::max(a, b), 0, 0); }
-inline CloseEntry point_edge(int point, int a, int b) {
-    return entry(kPointEdge, point, std::min(a, b), std::max(a, b), 0);
-}
-
-inline void gather(const int* ids, const Point* x, Point* p) {
-    for (int c = 0; c < 4; ++c) p[c] = x[ids[c]];
-}
-
-CloseEntry of_vertex_and_triangle(const int* v, int features) {
-    const int* const corner = v + 1;
-    if (features >= kInside) return entry(kPointTriangle, v[0], v[1], v[2], v[3]);
-    if (features >= kSide) {
-        const int k = features - kSide;
-        return point_edge(v[0], corner[k], corner[k == 2 ? 0 : k + 1]);
-    }
-    return point_point(v[0], corner[features]);
-}
-
-// threshold: the pair is mollified where |u x v|^2 is below it.
-CloseEntry of_edges(const int* v, const Point* p, double threshold, int features) {
-    const int first = features / 3, second = features % 3;
-    const bool mollified = square(cross(p[1] - p[0], p[3] - p[2])) < threshold;
-    if (features == kLineLine) return entry(mollified ? kMollifiedEdgeEdge : kEdgeEdge, v[0], v[1], v[2], v[3]);
-    if (first != kBetween && second != kBetween) {
-        int a = v[first], a_other = v[1 - first], b = v[2 + second], b_other = v[3 - second];
-        if (!mollified) return point_point(a, b);
-        if (b < a) std::swap(a, b), std::swap(a_other, b_other);
-        return entry(kMollifiedPointPoint, a, b, a_other, b_other);
-    }
-    // An end of one edge, and the other edge.
-    const int* const edge = first == kBetween ? v : v + 2;
-    const int* const own = first == kBetween ? v + 2 : v;
-    const int end = first == kBetween ? second : first;
-    if (!mollified) return point_edge(own[end], edge[0], edge[1]);
-    return entry(kMollifiedPointEdge, own[end], edge[0], edge[1], own[1 - end]);
-}
 
 // Which edge has which two ends.
 class EdgeNumbers {
@@ -117,13 +48,41 @@ class EdgeNumbers {
 // The close pairs last found, and memory for the next ones.
 struct CloseSet {
     EdgeNumbers edges;
+    Thickness thickness;
     ImprovedMax improved_max;
     List<NearTriangle> near;
     List<CloseEntry> entries;
+    double least_distance, least_gap;  // squared where nothing has a radius
 
-    // An edge pair that is not merged with others.
-    bool add_edges(const int* v, CloseEntry entry) {
-        for (int k = 0; k < 2; ++k) entry.edges[k] = edges.of(v[2 * k], v[2 * k + 1]);
+    // Two edges. improved: they are not merged with others.
+    bool look_at_edges(const int* v, const Point* x, const Point* x0, double reach, bool improved) {
+        Point p[4];
+        gather(v, x, p);
+        const Closest closest = closest_edges(p);
+        double share = 1;
+        if (!is_close(v, 2, p, closest, x0, reach, &share)) return true;
+        const double threshold = 1e-3 * square(x0[v[1]] - x0[v[0]]) * square(x0[v[3]] - x0[v[2]]);
+        CloseEntry entry = of_edges(v, p, threshold, closest.features);
+        entry.share = share;
+        if (improved)
+            for (int k = 0; k < 2; ++k) entry.edges[k] = edges.of(v[2 * k], v[2 * k + 1]);
+        return entries.push(entry);
+    }
+
+    // A vertex and a triangle. improved: they are kept for add_near.
+    bool look_at_triangle(const int* v, const Point* x, const Point* x0, double reach, bool improved) {
+        Point p[4];
+        gather(v, x, p);
+        const Closest closest = closest_vertex_triangle(p);
+        double share = 1;
+        const bool close = is_close(v, 1, p, closest, x0, reach, &share);
+        if (improved) {
+            if (!close && !(thickness.any() && thickness.may_be_close(v, closest, reach))) return true;
+            return near.push({v[0], {v[1], v[2], v[3]}, closest.features, close, share});
+        }
+        if (!close) return true;
+        CloseEntry entry = of_vertex_and_triangle(v, closest.features);
+        entry.share = share;
         return entries.push(entry);
     }
 
@@ -134,16 +93,17 @@ struct CloseSet {
         for (long k = 0, next; k < near.count; k = next) {
             const int vertex = near[k].vertex;
             for (next = k; next < near.count && near[next].vertex == vertex;) ++next;
-            const auto add = [&](CloseEntry entry, int times) {
+            const auto add = [&](CloseEntry entry, int times, double share) {
                 entry.times[entry.vertices[0] == vertex ? 0 : 1] = times;
                 entry.edges[0] = entry.edges[1] = edges.count;
+                entry.share = share;
                 return entries.push(entry);
             };
             const bool fine = improved_max.count(
-                &near[k], next - k, x, reach,
-                [&](const NearTriangle& t) { return add(of_vertex_and_triangle(&t.vertex, t.features), 1); },
-                [&](int a, int b, int times) { return add(point_edge(vertex, a, b), times); },
-                [&](int a, int times) { return add(point_point(vertex, a), times); });
+                &near[k], next - k, x, reach, thickness,
+                [&](const NearTriangle& t) { return add(of_vertex_and_triangle(&t.vertex, t.features), 1, t.share); },
+                [&](int a, int b, int times, double share) { return add(point_edge(vertex, a, b), times, share); },
+                [&](int a, int times, double share) { return add(point_point(vertex, a), times, share); });
             if (!fine) return false;
         }
         return true;
@@ -164,6 +124,24 @@ struct CloseSet {
         }
         entries.count = kept;
     }
+
+  private:
+    // Whether a pair's gap is less than `reach`; then notes how near it is. share: of its offset, if it is near at all.
+    bool is_close(const int* v, int split, const Point* p, Closest closest, const Point* x0, double reach,
+                  double* share) {
+        if (!thickness.any()) {
+            if (!(closest.squared < reach * reach)) return false;
+            least_distance = std::min(least_distance, closest.squared);
+            return true;
+        }
+        const double offset = thickness.offset(v, p, split, closest.features), distance = sqrt(closest.squared);
+        if (!(distance - offset < reach)) return false;
+        *share = thickness.share(v, split, x0);
+        const double gap = distance - *share * offset;
+        if (!(gap < reach)) return false;
+        least_distance = std::min(least_distance, closest.squared), least_gap = std::min(least_gap, gap);
+        return true;
+    }
 };
 
 }  // namespace
@@ -175,10 +153,14 @@ extern "C" {
 
 void yasps_close_set_free(void* set) { delete static_cast<CloseSet*>(set); }
 
-// Null: out of memory. edges: [edge_count, 2] of all vertices, the lower end first, in lexicographic order.
-void* yasps_close_set_new(const int* edges, long edge_count, long vertices) {
+// Null: out of memory. edges: [edge_count, 2] of all vertices, the lower end first, in lexicographic order. radii:
+// [vertices], or null; objects: [vertices], the number of the object that each is in; both are kept, not copied.
+// reach: of the barrier, which pairs of one object have between them at rest.
+void* yasps_close_set_new(const int* edges, long edge_count, long vertices, const double* radii, const int* objects,
+                          double reach) {
     CloseSet* const set = new (std::nothrow) CloseSet;
     if (set == nullptr) return nullptr;
+    set->thickness = {radii, objects, reach};
     if (!set->edges.take(edges, edge_count, vertices) || !set->improved_max.prepare(vertices)) {
         delete set;
         return nullptr;
@@ -186,37 +168,21 @@ void* yasps_close_set_new(const int* edges, long edge_count, long vertices) {
     return set;
 }
 
-// Finds the pairs closer than `reach`, sorted by kind, vertices and edges, equal ones once; they stay in the set until
-// the next call. improved: with improved max and edges. rest: where edges have their lengths at rest, for mollifiers.
-// ends[k] becomes the end of kind k; nearest[0] the squared distance of the nearest pair, infinite where there is none.
+// Finds the pairs whose gap is less than `reach`, sorted by kind, vertices, edges and share, equal ones once; they stay
+// in the set until the next call. improved: with improved max and edges. rest: where vertices are at rest.
+// ends[k] becomes the end of kind k; least[0] the distance of the nearest pair, least[1] the least gap, infinite where
+// there is none.
 int yasps_close_set_find(void* close_set, const double* positions, const double* rest, double reach, int improved,
                          const int* edge_edge, long edge_count, const int* vertex_triangle, long triangle_count,
-                         long* ends, double* nearest) {
+                         long* ends, double* least) {
     const Point *const x = reinterpret_cast<const Point*>(positions), *const x0 = reinterpret_cast<const Point*>(rest);
     CloseSet& set = *static_cast<CloseSet*>(close_set);
     set.near.clear(), set.entries.clear();
-    Point p[4];
-    double least = INFINITY;
-    for (long k = 0; k < edge_count; ++k) {
-        const int* const v = edge_edge + 4 * k;
-        gather(v, x, p);
-        const Closest closest = closest_edges(p);
-        if (!(closest.squared < reach * reach)) continue;
-        least = std::min(least, closest.squared);
-        const double threshold = 1e-3 * square(x0[v[1]] - x0[v[0]]) * square(x0[v[3]] - x0[v[2]]);
-        const CloseEntry edges = of_edges(v, p, threshold, closest.features);
-        if (!(improved ? set.add_edges(v, edges) : set.entries.push(edges))) return kOutOfMemory;
-    }
-    for (long k = 0; k < triangle_count; ++k) {
-        const int* const v = vertex_triangle + 4 * k;
-        gather(v, x, p);
-        const Closest closest = closest_vertex_triangle(p);
-        if (!(closest.squared < reach * reach)) continue;
-        least = std::min(least, closest.squared);
-        const bool fine = improved ? set.near.push({v[0], {v[1], v[2], v[3]}, closest.features})
-                                   : set.entries.push(of_vertex_and_triangle(v, closest.features));
-        if (!fine) return kOutOfMemory;
-    }
+    set.least_distance = set.least_gap = INFINITY;
+    for (long k = 0; k < edge_count; ++k)
+        if (!set.look_at_edges(edge_edge + 4 * k, x, x0, reach, improved)) return kOutOfMemory;
+    for (long k = 0; k < triangle_count; ++k)
+        if (!set.look_at_triangle(vertex_triangle + 4 * k, x, x0, reach, improved)) return kOutOfMemory;
     if (improved && !set.add_near(x, reach)) return kOutOfMemory;
     set.merge(improved);
     long end = 0;
@@ -224,7 +190,8 @@ int yasps_close_set_find(void* close_set, const double* positions, const double*
         while (end < set.entries.count && set.entries[end].kind == kind) ++end;
         ends[kind] = end;
     }
-    *nearest = least;
+    least[0] = sqrt(set.least_distance);
+    least[1] = set.thickness.any() ? set.least_gap : least[0];
     return kOk;
 }
 
@@ -234,19 +201,36 @@ void yasps_close_set_copy(const void* close_set, void* entries) {
     std::copy_n(set.entries.items.data, set.entries.count, static_cast<CloseEntry*>(entries));
 }
 
-// The largest step in [0, 1] from start towards end at which every pair still has a tenth of its distance, to 1 %; -1
-// if one is within `touching` at the start.
-double yasps_step_bound(const double* start, const double* end, double touching, const int* edge_edge, long edge_count,
-                        const int* vertex_triangle, long triangle_count) {
+// The largest step in [0, 1] from start towards end at which every pair still has a tenth of its gap, to 1 %; -1 if one
+// is within `touching` at the start. The gap is less by the radii of the close set.
+double yasps_step_bound(const void* close_set, const double* start, const double* end, const double* rest,
+                        double touching, const int* edge_edge, long edge_count, const int* vertex_triangle,
+                        long triangle_count) {
     const Point *const from = reinterpret_cast<const Point*>(start), *const to = reinterpret_cast<const Point*>(end);
+    const Point* const x0 = reinterpret_cast<const Point*>(rest);
+    const Thickness& thickness = static_cast<const CloseSet*>(close_set)->thickness;
     double step = 1;
     const auto look_at = [&](const int* v, int split) {
         MovingPair pair;
         pair.split = split;
         for (int c = 0; c < 4; ++c) pair.at[c] = from[v[c]], pair.move[c] = to[v[c]] - pair.at[c];
         const Closest closest = pair.closest(pair.at);
-        if (!(closest.squared > touching * touching)) return false;
-        step = std::min(step, time_apart(pair, closest, step));
+        if (!thickness.any()) {
+            if (!(closest.squared > touching * touching)) return false;
+            step = std::min(step, time_apart(pair, closest, 0, step));
+            return true;
+        }
+        const double offset = thickness.offset(v, pair.at, split, closest.features), least = thickness.least(v, split);
+        const double distance = sqrt(closest.squared);
+        const MovingPair moving = pair;
+        if (distance - offset > touching) {
+            const double time = time_apart(pair, closest, least, step);
+            if (!(time < step)) return true;
+        }
+        const double share = thickness.share(v, split, x0);  // it costs more, and allows more
+        if (!(distance - share * offset > touching)) return false;
+        pair = moving;
+        step = std::min(step, time_apart(pair, closest, share * least, step));
         return true;
     };
     for (long k = 0; k < edge_count; ++k)

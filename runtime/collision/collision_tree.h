@@ -34,11 +34,12 @@ struct Box {
         return size;
     }
 };
-inline Box box_of(Point start, Point end) {
+inline Box box_of(Point start, Point end, double radius) {
     const Point way = end - start;
     const f4 from = {static_cast<float>(start.x), static_cast<float>(start.y), static_cast<float>(start.z), 0};
     const f4 along = {static_cast<float>(way.x), static_cast<float>(way.y), static_cast<float>(way.z), 0};
-    return {from, from, along, along};
+    const f4 around = f4{} + static_cast<float>(radius);
+    return {from - around, from + around, along, along};
 }
 
 // Whether what both boxes hold may come within `reach` of each other, in all coordinates.
@@ -143,8 +144,9 @@ struct Tree {
         for (int k = 0; k < count; ++k) label[k] = before[order[k]];
     }
 
-    void fit(const Point* start, const Point* end) {
-        if (count > 0) fit({0, 0, block_count()}, start, end);
+    // radii: of all vertices, or null.
+    void fit(const Point* start, const Point* end, const double* radii) {
+        if (count > 0) fit({0, 0, block_count()}, start, end, radii);
     }
 
   private:
@@ -168,24 +170,25 @@ struct Tree {
         halve(branch.first()), halve(branch.second());
     }
 
-    void fit(Branch branch, const Point* start, const Point* end) {
+    void fit(Branch branch, const Point* start, const Point* end, const double* radii) {
         Node& here = nodes[branch.node];
-        if (branch.is_leaf()) return fit_leaf(branch.block, &here, start, end);
-        fit(branch.first(), start, end), fit(branch.second(), start, end);
+        if (branch.is_leaf()) return fit_leaf(branch.block, &here, start, end, radii);
+        fit(branch.first(), start, end, radii), fit(branch.second(), start, end, radii);
         const Node &a = nodes[branch.first().node], &b = nodes[branch.second().node];
         here.box = a.box;
         here.box.include(b.box);
         here.label = a.label == b.label ? a.label : -1;
     }
 
-    void fit_leaf(int at_block, Node* here, const Point* start, const Point* end) {
+    void fit_leaf(int at_block, Node* here, const Point* start, const Point* end, const double* radii) {
         Block& block = blocks[at_block];
         block.clear();
         const int begin = kBlock * at_block;
         for (int k = begin; k < end_of(at_block + 1); ++k) {
             const int* const ids = at(k);
-            Box box = box_of(start[ids[0]], end[ids[0]]);
-            for (int c = 1; c < arity; ++c) box.include(box_of(start[ids[c]], end[ids[c]]));
+            const auto around = [&](int v) { return box_of(start[v], end[v], radii == nullptr ? 0 : radii[v]); };
+            Box box = around(ids[0]);
+            for (int c = 1; c < arity; ++c) box.include(around(ids[c]));
             block.set(k - begin, box);
             if (k == begin) {
                 *here = {box, label[k]};

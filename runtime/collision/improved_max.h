@@ -5,6 +5,9 @@
 // the number of them that have it, each corner what is left to 1 then: 1 + triangles - edges at it. A place that
 // belongs to several pieces is so counted once (inclusion and exclusion, Li et al. 2023, arXiv 2307.15908, section 4.2,
 // there for closed surfaces). Triangles with the vertex itself are no pairs, and do not count.
+//
+// Where triangles have different shares of their offset by radii, an edge or a corner has the least of its triangles':
+// then it is never nearer than one of them, and what is left is never negative.
 #pragma once
 
 #include <limits.h>
@@ -13,83 +16,122 @@
 
 #include "collision/list.h"
 #include "collision/pair_distance.h"
+#include "collision/thickness.h"
 
 namespace yasps {
 
-// A vertex and a triangle that are near, and the features of the triangle that are closest.
+// A vertex and a triangle that are near, and the features of the triangle that are closest. Not close: an edge of it
+// may be, where its radius is larger.
 struct NearTriangle {
     int vertex, corner[3];
     int features;
+    bool close;
+    double share;
 };
 
 class ImprovedMax {
   public:
     // vertices: one more than the largest id. False: out of memory.
     bool prepare(long vertices) {
-        if (!around_.reserve(vertices) || !net_.reserve(vertices)) return false;
-        std::fill_n(around_.data, vertices, kUntouched);
+        if (!corners_.reserve(vertices)) return false;
+        for (long v = 0; v < vertices; ++v) corners_[v].around = kUntouched;
         return true;
     }
 
-    // near: [count], all of one vertex; x: all places. `inside(triangle)`, `on_side(a, b, times)` with a < b, and
-    // `at_corner(a, times)` take what counts other than 0 times; each a bool, false: out of memory.
+    // near: [count], all of one vertex; x: all places. `inside(triangle)`, `on_side(a, b, times, share)` with a < b,
+    // and `at_corner(a, times, share)` take what counts other than 0 times; each a bool, false: out of memory.
     template <class Inside, class OnSide, class AtCorner>
-    bool count(const NearTriangle* near, long count, const Point* x, double reach, const Inside& inside,
-               const OnSide& on_side, const AtCorner& at_corner) {
-        sides_.clear(), corners_.clear();
-        if (!sides_.grow(3 * count) || !corners_.grow(3 * count)) return false;
-        const Point p = x[near[0].vertex];
+    bool count(const NearTriangle* near, long count, const Point* x, double reach, const Thickness& thickness,
+               const Inside& inside, const OnSide& on_side, const AtCorner& at_corner) {
+        sides_.clear(), touched_.clear();
+        if (!sides_.grow(3 * count) || !touched_.grow(3 * count)) return false;
+        const int vertex = near[0].vertex;
+        const Point p = x[vertex];
+        bool even = true, fine = true;  // even: one share for all
+        for (long t = 1; t < count; ++t) even = even && near[t].share == near[0].share;
         for (long t = 0; t < count; ++t) {
             const NearTriangle& triangle = near[t];
-            if (triangle.features >= kInside && !inside(triangle)) return false;
+            const int features = triangle.close ? triangle.features : kNone;
+            if (features >= kInside) fine = inside(triangle) && fine;
             for (int k = 0; k < 3; ++k) {
                 const int a = triangle.corner[k], b = triangle.corner[k == 2 ? 0 : k + 1];
-                sides_.add({std::min(a, b), std::max(a, b), triangle.features == kSide + k});
-                if (around_[a] == kUntouched) around_[a] = 1, net_[a] = 0, corners_.add(a);
-                ++around_[a];
-                net_[a] += triangle.features == kCorner + k;
+                const int first = std::min(a, b), second = std::max(a, b);
+                bool on_this = features == kSide + k, at_this = features == kCorner + k;
+                if (!even) {  // what has different shares does not add
+                    if (on_this) fine = on_side(first, second, 1, triangle.share) && fine;
+                    if (at_this) fine = at_corner(a, 1, triangle.share) && fine;
+                    on_this = at_this = false;
+                }
+                sides_.add({first, second, on_this, triangle.share});
+                Corner& corner = corners_[a];
+                if (corner.around == kUntouched) corner = {1, 0, triangle.share}, touched_.add(a);
+                ++corner.around;
+                corner.times += at_this;
+                corner.share = std::min(corner.share, triangle.share);
             }
         }
         std::sort(sides_.begin(), sides_.end());
         for (long k = 0, next; k < sides_.count; k = next) {
             const Side side = sides_[k];
             int times = 0;
-            for (next = k; next < sides_.count && !(side < sides_[next]); ++next) times += sides_[next].closest;
-            --around_[side.a], --around_[side.b];
-            const int share = 1 - static_cast<int>(next - k);
-            if (share != 0) {
-                const Closest closest = closest_on_edge(p, x[side.a], x[side.b]);
-                if (closest.squared < reach * reach) {
+            double share = side.share;
+            for (next = k; next < sides_.count && !(side < sides_[next]); ++next) {
+                times += sides_[next].closest;
+                share = std::min(share, sides_[next].share);
+            }
+            --corners_[side.a].around, --corners_[side.b].around;
+            const int own = 1 - static_cast<int>(next - k);
+            if (own != 0) {
+                const Point a = x[side.a], b = x[side.b];
+                const Closest closest = closest_on_edge(p, a, b);
+                const int end = closest.features == 0 ? side.a : side.b;
+                double far = reach;
+                if (thickness.any()) {
+                    const double *r = thickness.radii, first = r[side.a], second = r[side.b];
+                    const bool middle = closest.features == kBetween;
+                    far += share * (r[vertex] + (middle ? radius_on_edge(p, a, b, first, second) : r[end]));
+                }
+                if (closest.squared < far * far) {
                     if (closest.features == kBetween)
-                        times += share;
+                        times += own;
+                    else if (even)
+                        corners_[end].times += own;
                     else
-                        net_[closest.features == 0 ? side.a : side.b] += share;
+                        fine = at_corner(end, own, share) && fine;
                 }
             }
-            if (times != 0 && !on_side(side.a, side.b, times)) return false;
+            if (times != 0) fine = on_side(side.a, side.b, times, share) && fine;
         }
-        bool fine = true;
-        for (const int corner : corners_) {
-            const int share = around_[corner];
-            around_[corner] = kUntouched;
-            int times = net_[corner];
-            if (share != 0 && square(x[corner] - p) < reach * reach) times += share;
-            if (times != 0) fine = at_corner(corner, times) && fine;
+        for (const int a : touched_) {
+            Corner corner = corners_[a];
+            corners_[a].around = kUntouched;
+            int times = corner.times;
+            if (corner.around != 0) {
+                double far = reach;
+                if (thickness.any()) far += corner.share * (thickness.radii[vertex] + thickness.radii[a]);
+                if (square(x[a] - p) < far * far) times += corner.around;
+            }
+            if (times != 0) fine = at_corner(a, times, corner.share) && fine;
         }
         return fine;
     }
 
   private:
-    static constexpr int kUntouched = INT_MIN;
+    static constexpr int kUntouched = INT_MIN, kNone = -1;
     struct Side {
         int a, b;
         bool closest;  // to the vertex, of its triangle
+        double share;
         bool operator<(const Side& other) const { return a != other.a ? a < other.a : b < other.b; }
     };
-    Buffer<int> around_;  // [vertices]: 1 + triangles - edges at a corner
-    Buffer<int> net_;     // [vertices]: how often a corner counts
+    struct Corner {
+        int around;  // 1 + triangles - edges at it
+        int times;   // how often it counts
+        double share;
+    };
+    Buffer<Corner> corners_;  // [vertices]
     List<Side> sides_;
-    List<int> corners_;
+    List<int> touched_;
 };
 
 }  // namespace yasps

@@ -1,7 +1,10 @@
 // Pairs of surface pieces that may come close while all vertices move straight from one place to another.
 //
 // Two bounding volume trees (or one with itself) are descended together; of what is near in them, pairs with a common
-// vertex or a gap between them in the direction of each other are left out.
+// vertex, of classes that do not meet, or with a gap between them in the direction of each other are left out.
+//
+// A loose point is an edge from a vertex to itself. It meets triangles as all vertices do, edges that are in no
+// triangle, and other such points; the edges of a triangle are part of that.
 #include <algorithm>
 #include <new>
 
@@ -56,15 +59,31 @@ struct Task {
     Branch a, b;
 };
 
+// What all pieces have in common; of all vertices each. Null: nothing has a radius, all classes meet.
+struct Scene {
+    const double* radii;
+    const int* classes;
+    const uint8_t* meet;  // [class_count, class_count]
+    long class_count;
+
+    bool may_meet(int v, int w) const { return classes == nullptr || meet[classes[v] * class_count + classes[w]] != 0; }
+    double most_radius(const int* ids, int count) const {
+        double most = 0;
+        for (int c = 0; c < count; ++c) most = std::max(most, radii[ids[c]]);
+        return most;
+    }
+};
+
 // Looks for pairs of a piece of one tree and one of another, or of two pieces of the same.
 struct Search {
     const Tree &a, &b;
+    const Scene& scene;
     const Point *start, *end;
     double reach;
     float reach_of_boxes;
 
-    Search(const Tree& first, const Tree& second, const Point* from, const Point* to, double distance)
-        : a(first), b(second), start(from), end(to), reach(distance) {
+    Search(const Tree& first, const Tree& second, const Scene& of, const Point* from, const Point* to, double distance)
+        : a(first), b(second), scene(of), start(from), end(to), reach(distance) {
         // Each number is rounded about five times.
         constexpr float kRounding = 32 * 6e-8F;
         const bool some = a.count > 0 && b.count > 0;
@@ -120,7 +139,10 @@ struct Search {
         for (int i = 0; i < a.arity; ++i)
             for (int j = 0; j < b.arity; ++j)
                 if (first[i] == second[j]) return true;
-        if (!may_come_near(first, a.arity, second, b.arity, start, end, reach)) return true;
+        if (!scene.may_meet(first[0], second[0])) return true;
+        double far = reach;
+        if (scene.radii != nullptr) far += scene.most_radius(first, a.arity) + scene.most_radius(second, b.arity);
+        if (!may_come_near(first, a.arity, second, b.arity, start, end, far)) return true;
         if (&a == &b && second[0] < first[0]) std::swap(first, second);
         return found->add(first, a.arity, second, b.arity);
     }
@@ -158,7 +180,8 @@ struct Search {
 
 struct Surface {
     static constexpr int kMostThreads = 64;
-    Tree vertices, edges, triangles;
+    Scene scene;
+    Tree vertices, edges, triangles, points, free_edges;
     Pairs edge_edge[kMostThreads], vertex_triangle[kMostThreads];
 };
 
@@ -181,37 +204,47 @@ extern "C" {
 
 void yasps_surface_free(void* surface) { delete static_cast<Surface*>(surface); }
 
-// Null: out of memory. labels: [all vertices]; pieces whose vertices all have one label >= 0 do not meet others of it.
-void* yasps_surface_new(const int* vertices, long vertex_count, const int* edges, long edge_count, const int* triangles,
-                        long triangle_count, const int* labels) {
+// Null: out of memory. Pieces: the vertices of each, and how many; vertices, edges, triangles, points as edges, edges
+// in no triangle. labels: [all vertices]; pieces whose vertices all have one label >= 0 do not meet others of it.
+// radii, classes: [all vertices], or null; meet: [class_count, class_count]; these three are kept, not copied.
+void* yasps_surface_new(const int* const* pieces, const long* counts, const int* labels, const double* radii,
+                        const int* classes, const uint8_t* meet, long class_count) {
     Surface* const s = new (std::nothrow) Surface;
     if (s == nullptr) return nullptr;
-    if (!s->vertices.take(vertices, static_cast<int>(vertex_count), 1, labels) ||
-        !s->edges.take(edges, static_cast<int>(edge_count), 2, labels) ||
-        !s->triangles.take(triangles, static_cast<int>(triangle_count), 3, labels)) {
-        delete s;
-        return nullptr;
-    }
+    s->scene = {radii, classes, meet, class_count};
+    Tree* const trees[5] = {&s->vertices, &s->edges, &s->triangles, &s->points, &s->free_edges};
+    constexpr int kArities[5] = {1, 2, 3, 2, 2};
+    for (int k = 0; k < 5; ++k)
+        if (!trees[k]->take(pieces[k], static_cast<int>(counts[k]), kArities[k], labels)) {
+            delete s;
+            return nullptr;
+        }
     return s;
 }
 
-// Finds all pairs of edges and of vertex and triangle that may come within `reach` while every vertex moves straight
-// from start to end ([all vertices, 3]); sort: look for a better order of the trees first. Their numbers go to
-// counts[2]; the pairs, in no special order, stay in the surface until the next call.
+// Finds all pairs of edges and of vertex and triangle that may come within `reach` (and their radii) while every vertex
+// moves straight from start to end ([all vertices, 3]); sort: look for a better order of the trees first. Their numbers
+// go to counts[2]; the pairs, in no special order, stay in the surface until the next call.
 int yasps_surface_find(void* surface, const double* start, const double* end, double reach, int sort, long* counts,
                        int threads) {
     Surface& s = *static_cast<Surface*>(surface);
     const Point *const from = reinterpret_cast<const Point*>(start), *const to = reinterpret_cast<const Point*>(end);
     const int used = std::min(threads, Surface::kMostThreads);
-    Tree* const trees[3] = {&s.edges, &s.triangles, &s.vertices};
+    Tree* const trees[5] = {&s.edges, &s.triangles, &s.vertices, &s.points, &s.free_edges};
+    const int tree_count = s.points.count > 0 ? 5 : 3;
 #pragma omp parallel for num_threads(used) schedule(dynamic)
-    for (int k = 0; k < 3; ++k) {
+    for (int k = 0; k < tree_count; ++k) {
         if (sort) trees[k]->sort(from);
-        trees[k]->fit(from, to);
+        trees[k]->fit(from, to, s.scene.radii);
     }
     for (int t = 0; t < Surface::kMostThreads; ++t) s.edge_edge[t].count = s.vertex_triangle[t].count = 0;
-    if (!Search(s.edges, s.edges, from, to, reach).run(s.edge_edge, used) ||
-        !Search(s.vertices, s.triangles, from, to, reach).run(s.vertex_triangle, used))
+    const auto search = [&](const Tree& a, const Tree& b, Pairs* found) {
+        return Search(a, b, s.scene, from, to, reach).run(found, used);
+    };
+    if (!search(s.edges, s.edges, s.edge_edge) || !search(s.vertices, s.triangles, s.vertex_triangle))
+        return kOutOfMemory;
+    if (s.points.count > 0 &&
+        (!search(s.points, s.points, s.edge_edge) || !search(s.points, s.free_edges, s.edge_edge)))
         return kOutOfMemory;
     counts[0] = total(s.edge_edge);
     counts[1] = total(s.vertex_triangle);

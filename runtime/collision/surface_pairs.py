@@ -12,13 +12,20 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from yasps.runtime.core.library import FloatArray, IntArray, Runtime, check_status
+from yasps.runtime.core.library import BoolArray, FloatArray, IntArray, Runtime, check_status
 from yasps.runtime.core.uncopied import Uncopied
 
 KINDS = 7
 """Kinds of close pairs, in the order of `Kind` in close_pairs.cpp."""
 _ENTRY = np.dtype(
-    [("kind", "i4"), ("vertices", "i4", (4,)), ("edges", "i4", (2,)), ("counts", "i4", (2,)), ("weight", "i4")]
+    [
+        ("kind", "i4"),
+        ("vertices", "i4", (4,)),
+        ("edges", "i4", (2,)),
+        ("counts", "i4", (2,)),
+        ("weight", "i4"),
+        ("share", "f8"),
+    ]
 )
 _SEARCHES_PER_ORDER = 16
 """How many searches use one order of the trees: a better one costs as much as a few searches in a bad one."""
@@ -39,54 +46,106 @@ class SurfacePairs:
 
 @dataclass(frozen=True)
 class ClosePairs:
-    """Pairs of one kind, sorted by their vertices and edges; see `ActiveSet` in yasps/contact/active_set.py.
+    """Pairs of one kind, sorted by their vertices, edges and share; see `ActiveSet` in yasps/contact/active_set.py.
 
     vertices: int32 [n, 4], 0 in places that the kind does not use. weight: int32 [n], how many pairs. counts, edges:
-    int32 [n, 2], 0 without improved max.
+    int32 [n, 2], 0 without improved max. share: float64 [n], of the offset by the radii.
     """
 
     vertices: IntArray
     weight: IntArray
     counts: IntArray
     edges: IntArray
+    share: FloatArray
+
+
+@dataclass(frozen=True)
+class Pieces:
+    """What a surface consists of: int32 vertex ids, C-contiguous.
+
+    vertices: [v], all that take part. edges: [e, 2], with those of triangles, each once, the lower end first, in
+    lexicographic order. triangles: [t, 3]. points: [p], loose vertices. free_edges: [f, 2], those in no triangle, which
+    points meet.
+    """
+
+    vertices: IntArray
+    edges: IntArray
+    triangles: IntArray
+    points: IntArray
+    free_edges: IntArray
+
+
+@dataclass(frozen=True)
+class Thickness:
+    """radii: float64 [n], of all vertices. objects: int32 [n], a number of the object that each is in. reach: the gap
+    that pieces of one object have at least at rest, as far as they may."""
+
+    radii: FloatArray
+    objects: IntArray
+    reach: float
+
+
+@dataclass(frozen=True)
+class Classes:
+    """of: int32 [n], the class of each vertex. meet: bool [c, c], symmetric: which classes do."""
+
+    of: IntArray
+    meet: BoolArray
 
 
 class Surface(Uncopied):
     """The pieces of a surface, in bounding volume trees."""
 
     def __init__(
-        self, runtime: Runtime, vertices: IntArray, edges: IntArray, triangles: IntArray, labels: IntArray
+        self,
+        runtime: Runtime,
+        pieces: Pieces,
+        labels: IntArray,
+        thickness: Thickness | None = None,
+        classes: Classes | None = None,
     ) -> None:
-        """Take int32 vertex ids [v], [e, 2], [t, 3], and a label for each vertex of the scene, int32 [n].
+        """Take the pieces, and a label for each vertex of the scene, int32 [n].
 
-        Edges have their lower end first and are in lexicographic order.
         Pieces whose vertices all have the same label >= 0 do not meet other such pieces with that label.
         """
         self._runtime = runtime
         self._searches = 0
-        self.vertices = np.ascontiguousarray(vertices, np.int32)
-        own = [np.ascontiguousarray(part, np.int32) for part in (edges, triangles, labels)]
+        self.vertices = pieces.vertices
+        self.thickness, self._classes = thickness, classes  # the library keeps their addresses
+        # A point is an edge without length.
+        points = np.column_stack([pieces.points, pieces.points])
+        arrays = (pieces.vertices, pieces.edges, pieces.triangles, points, pieces.free_edges)
+        own = [np.ascontiguousarray(part, np.int32) for part in arrays]
+        self.edges = own[1] if len(points) == 0 else np.unique(np.concatenate([own[1], own[3]]), axis=0)
         handle = runtime.library.yasps_surface_new(
-            self.vertices.ctypes.data,
-            len(self.vertices),
-            own[0].ctypes.data,
-            len(own[0]),
-            own[1].ctypes.data,
-            len(own[1]),
-            own[2].ctypes.data,
+            (ctypes.c_void_p * len(own))(*(part.ctypes.data for part in own)),
+            (ctypes.c_long * len(own))(*map(len, own)),
+            labels.ctypes.data,
+            None if thickness is None else thickness.radii.ctypes.data,
+            None if classes is None else classes.of.ctypes.data,
+            None if classes is None else classes.meet.ctypes.data,
+            0 if classes is None else len(classes.meet),
         )
         if not handle:
             raise MemoryError("no memory for the trees of a surface")
         self._handle: int = handle
         weakref.finalize(self, runtime.library.yasps_surface_free, handle)
-        close_set = runtime.library.yasps_close_set_new(own[0].ctypes.data, len(own[0]), len(labels))
+        close_set = runtime.library.yasps_close_set_new(
+            self.edges.ctypes.data,
+            len(self.edges),
+            len(labels),
+            None if thickness is None else thickness.radii.ctypes.data,
+            None if thickness is None else thickness.objects.ctypes.data,
+            0.0 if thickness is None else thickness.reach,
+        )
         if not close_set:
             raise MemoryError("no memory for the close pairs of a surface")
         self._close_set: int = close_set
         weakref.finalize(self, runtime.library.yasps_close_set_free, close_set)
 
     def find(self, start: FloatArray, end: FloatArray, reach: float) -> SurfacePairs:
-        """All pairs without a common vertex that may come within `reach` on the straight way; and some that do not."""
+        """All pairs without a common vertex that may come within `reach` and their radii on the straight way; and some
+        that do not."""
         counts = (ctypes.c_long * 2)()
         sort = self._searches % _SEARCHES_PER_ORDER == 0
         self._searches += 1
@@ -116,15 +175,16 @@ class Surface(Uncopied):
 
     def close_pairs(
         self, positions: FloatArray, rest: FloatArray, reach: float, pairs: SurfacePairs, improved_max: bool = False
-    ) -> tuple[list[ClosePairs], float]:
-        """Those of the pairs that are closer than `reach`, one entry for each kind, and the least distance.
+    ) -> tuple[list[ClosePairs], float, float]:
+        """Those of the pairs whose gap (their distance less their radii) is below `reach`, one entry for each kind, and
+        their least distance and gap, infinite where there are none.
 
-        rest: positions whose edge lengths say where edges count as parallel. Equal entries come once, with their
-        number as weight. With improved max those of edge pairs each come alone, those of vertices and triangles with
-        the counts that are left.
+        rest: positions whose edge lengths say where edges count as parallel, and which share pairs have. Equal entries
+        come once, with their number as weight. With improved max those of edge pairs each come alone, and those of
+        vertices and triangles with the counts that are left.
         """
         ends = (ctypes.c_long * KINDS)()
-        squared = ctypes.c_double()
+        least = (ctypes.c_double * 2)()
         library = self._runtime.library
         status = library.yasps_close_set_find(
             self._close_set,
@@ -134,7 +194,7 @@ class Surface(Uncopied):
             int(improved_max),
             *_addresses(pairs),
             ends,
-            ctypes.addressof(squared),
+            least,
         )
         check_status(status)
         found = np.empty(ends[-1], _ENTRY)
@@ -143,15 +203,24 @@ class Surface(Uncopied):
         begin = 0
         for end in ends:
             part = found[begin:end]
-            kinds.append(ClosePairs(*(part[name] for name in ("vertices", "weight", "counts", "edges"))))
+            kinds.append(ClosePairs(*(part[name] for name in ("vertices", "weight", "counts", "edges", "share"))))
             begin = end
-        return kinds, float(np.sqrt(squared.value))
+        return kinds, *least
 
-    def step_bound(self, start: FloatArray, end: FloatArray, touching: float, pairs: SurfacePairs) -> float | None:
-        """The largest step in [0, 1] from start straight towards end at which every pair still has a tenth of its
-        distance, to 1 %; None if one is within `touching` at the start."""
+    def step_bound(
+        self, start: FloatArray, end: FloatArray, rest: FloatArray, touching: float, pairs: SurfacePairs
+    ) -> float | None:
+        """The largest step in [0, 1] from start straight towards end at which every pair still has a tenth of its gap,
+        to 1 %; None if one is within `touching` at the start."""
         step = float(
-            self._runtime.library.yasps_step_bound(start.ctypes.data, end.ctypes.data, touching, *_addresses(pairs))
+            self._runtime.library.yasps_step_bound(
+                self._close_set,
+                start.ctypes.data,
+                end.ctypes.data,
+                rest.ctypes.data,
+                touching,
+                *_addresses(pairs),
+            )
         )
         return step if step >= 0 else None
 

@@ -181,9 +181,10 @@ struct Separation {
     }
 };
 
-// A time in [0, latest] up to which a pair keeps a tenth of its distance, which it nearly has then; or infinite.
+// A time in [0, latest] up to which a pair keeps `offset` and a tenth of what its distance is more, which it nearly has
+// then; or infinite.
 // closest: its closest features at the start. The pair's numbers are then relative to a vertex and to the mean motion.
-inline double time_apart(MovingPair& pair, Closest closest, double latest) {
+inline double time_apart(MovingPair& pair, Closest closest, double offset, double latest) {
     constexpr double kKept = 0.1, kNearly = 1.01 * kKept;
     constexpr int kMostSteps = 64;     // most pairs take one or two
     constexpr double kLargest = 1e30;  // products below do not overflow
@@ -193,15 +194,15 @@ inline double time_apart(MovingPair& pair, Closest closest, double latest) {
     double size = 0;
     for (Point& at : pair.at) at = at - origin, size = std::max(size, square(at));
     size = sqrt(size);
-    const double distance = sqrt(closest.squared), keep = kKept * distance, speed = pair.speed();
+    const double distance = sqrt(closest.squared), gap = distance - offset, speed = pair.speed();
+    const double keep = offset + kKept * gap, nearly = offset + kNearly * gap;
     const double numbers = speed + sqrt(square(mean));  // that the moves are differences of
     if (latest * speed + Separation::kRounding * (size + latest * numbers) < distance - keep) return INFINITY;
-    const double near = kNearly * kNearly * closest.squared;
     if (!(numbers < kLargest && size < kLargest)) return 0;
     Point p[4];
     std::copy_n(pair.at, 4, p);
     double time = 0;
-    for (int k = 0; k < kMostSteps && (k == 0 || closest.squared > near); ++k) {
+    for (int k = 0; k < kMostSteps && (k == 0 || closest.squared > nearly * nearly); ++k) {
         const Separation here = {pair, p, time, keep, size + time * numbers, numbers};
         double ahead = here.along_way(closest.features);
         // The others cost more. They are for pairs that do not come near along the shortest way, or are free after all.

@@ -38,6 +38,7 @@ DETERMINISTIC_PIECES = 16
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int32]
+BoolArray = NDArray[np.bool_]
 LongArray = NDArray[np.int64]
 
 _OUT_OF_MEMORY = 1
@@ -102,11 +103,11 @@ _SIGNATURES: dict[str, tuple[type | None, tuple[type, ...]]] = {
     ),
     "yasps_mark_tiles": (None, (_pointer, _pointer, _long, _pointer, _long, _long, _pointer, _int)),
     "yasps_evaluate": (None, (_pointer, _pointer, _long, _pointer, _int)),
-    "yasps_surface_new": (_pointer, (_pointer, _long, _pointer, _long, _pointer, _long, _pointer)),
+    "yasps_surface_new": (_pointer, (_pointer, _pointer, _pointer, _pointer, _pointer, _pointer, _long)),
     "yasps_surface_free": (None, (_pointer,)),
     "yasps_surface_find": (_int, (_pointer, _pointer, _pointer, _double, _int, _pointer, _int)),
     "yasps_surface_pairs": (None, (_pointer, _pointer, _pointer)),
-    "yasps_close_set_new": (_pointer, (_pointer, _long, _long)),
+    "yasps_close_set_new": (_pointer, (_pointer, _long, _long, _pointer, _pointer, _double)),
     "yasps_close_set_free": (None, (_pointer,)),
     "yasps_close_set_find": (
         _int,
@@ -125,7 +126,10 @@ _SIGNATURES: dict[str, tuple[type | None, tuple[type, ...]]] = {
         ),
     ),
     "yasps_close_set_copy": (None, (_pointer, _pointer)),
-    "yasps_step_bound": (_double, (_pointer, _pointer, _double, _pointer, _long, _pointer, _long)),
+    "yasps_step_bound": (
+        _double,
+        (_pointer, _pointer, _pointer, _pointer, _double, _pointer, _long, _pointer, _long),
+    ),
     "yasps_distance_to_way": (None, (_pointer, _pointer, _pointer, _pointer, _long, _pointer)),
     "yasps_sum": (_double, (_pointer, _long)),
     "yasps_project": (_long, (_pointer, _int, _int, _int)),

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 
 from yasps.runtime.core.library import FloatArray, IntArray, LongArray, Runtime, as_vector, check_status, piece_count
 from yasps.runtime.core.uncopied import Uncopied
@@ -230,6 +231,21 @@ class BlockMatrix(Uncopied):
         cols = np.empty(self.block_count, np.int32)
         self._runtime.library.yasps_structure_coordinates(self.handle, rows.ctypes.data, cols.ctypes.data)
         return rows, cols
+
+    def fix(self, fixed: NDArray[np.bool_]) -> None:
+        """Makes rows and columns of fixed scalars zero and, of a matrix with all diagonal blocks, the diagonal there
+        one.
+
+        fixed: [size], the same for all scalars of a dof block. Of a sum of matrices fix all: only the one with the
+        diagonal gets ones. Raises ValueError for another shape.
+        """
+        if fixed.shape != (self.size,):
+            raise ValueError(f"fixed has shape {fixed.shape}, but the matrix {self.size} rows")
+        for group in self.groups:
+            touched = np.flatnonzero(fixed[group.rows] | fixed[group.cols])
+            group.values[touched] = 0.0
+            if self._with_diagonal:
+                group.values[touched[group.rows[touched] == group.cols[touched]]] = np.eye(group.r, group.c)
 
     def multiply(self, x: FloatArray, threads: int | None = None, *, deterministic: bool = False) -> FloatArray:
         """H x for float64 [size] x, with the full symmetric matrix. Raises ValueError for another shape.

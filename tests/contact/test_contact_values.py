@@ -10,7 +10,7 @@ from collections import Counter
 import ipctk
 import numpy as np
 import pytest
-from collision_scenes import SCENES, Mesh, move, union
+from collision_scenes import SCENES, move, renumbered, union
 from numpy.typing import NDArray
 
 from yasps import Scene
@@ -27,17 +27,6 @@ NAMES = (
     "box corner to corner",
     "box edge across edge",
 )
-
-
-def renumbered(mesh: Mesh, seed: int) -> Mesh:
-    """The same surface with its vertices in another order, and its triangles too, each from another corner on."""
-    rng = np.random.default_rng(seed)
-    points, faces = mesh
-    new_id = rng.permutation(len(points))
-    moved = np.empty_like(points)
-    moved[new_id] = points
-    turned = np.array([np.roll(face, rng.integers(3)) for face in new_id[faces]], np.int32)
-    return moved, rng.permutation(turned)
 
 
 def contact_scene(free: Floats, faces: NDArray[np.int32], dhat: float) -> tuple[Scene, BarrierContact]:

@@ -1,4 +1,4 @@
-"""Friction as a function of slip, and the normal forces that it takes, as scenes compute them, against mpmath."""
+"""Friction as a function of slip, as scenes compute it, against mpmath."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import pytest
 from numpy.typing import NDArray
 
 from yasps import Attribute, Scene, constant
-from yasps.contact.friction import log_normal_force, paper_normal_force, sliding_distance, smoothed_distance
+from yasps.contact.friction import sliding_distance, smoothed_distance
 
 Floats = NDArray[np.float64]
 SLIP_LENGTH = 1e-5
@@ -96,35 +96,3 @@ def test_all_static_friction_is_there_before_it_falls() -> None:
     assert forces[2] == pytest.approx(0.4, rel=1e-14)
     np.testing.assert_allclose(forces[-2:], 0.3, rtol=1e-14)
     assert (np.diff(forces[:5]) < 0).all()
-
-
-@pytest.mark.parametrize("radii", [0.0, 0.003])
-def test_normal_force_of_the_log_barrier(radii: float) -> None:
-    """-dE/dd of its energy by a complex step, at all gaps within the activation distance."""
-    reach, strength = 0.01, 12.5
-    gaps = reach * np.array([1e-9, 1e-5, 0.01, 0.3, 0.7, 0.99, 1 - 1e-7])
-    d = radii + gaps + 1e-30j
-    tau = (d - radii) * (d + radii) / (reach * (reach + 2 * radii))
-    energy = -strength * reach * (tau - 1) ** 2 * np.log(tau)
-    found = _computed(
-        lambda squared: log_normal_force(squared, constant(radii), constant(reach), constant(strength)), d.real
-    )
-    # A gap is the difference of a distance, which is the root of its square, and the radii.
-    error = np.abs(found / (-energy.imag / 1e-30) - 1)
-    assert (error < 1e-13 + 4e-16 * (reach + radii) * (1 / gaps + 1 / (reach - gaps))).all()
-    assert (found > 0).all()
-
-
-def test_normal_force_of_the_papers_barrier() -> None:
-    reach, strength = 0.01, 12.5
-    d = reach * np.array([1e-9, 1e-5, 0.01, 0.3, 0.7, 0.99, 1 - 1e-7]) + 1e-30j
-    energy = strength * (d**2 - reach**2) ** 2 * np.log(d**2 / reach**2) ** 2
-    found = _computed(lambda squared: paper_normal_force(squared, constant(reach**2), constant(strength)), d.real)
-    error = np.abs(found / (-energy.imag / 1e-30) - 1)
-    assert (error < 1e-13 + 4e-16 * reach / (reach - d.real)).all()
-    assert (found > 0).all()
-
-
-def _computed(force: Callable[[Attribute], Attribute], distances: Floats) -> Floats:
-    pairs = Scene("pairs").add_mesh("mesh").add_primitive("pairs", len(distances))
-    return force(pairs.add_constant("squared_distance", 1, 1, value=distances**2)).compute().value

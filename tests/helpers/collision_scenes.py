@@ -47,6 +47,17 @@ def move(mesh: Mesh, shift: tuple[float, float, float], turn: float = 0.0, noise
     return shaken @ np.array([[c, s, 0.0], [-s, c, 0.0], [0.0, 0.0, 1.0]]) + np.array(shift), faces
 
 
+def renumbered(mesh: Mesh, seed: int) -> Mesh:
+    """The same surface with its vertices in another order, and its triangles too, each from another corner on."""
+    rng = np.random.default_rng(seed)
+    points, faces = mesh
+    new_id = rng.permutation(len(points))
+    moved = np.empty_like(points)
+    moved[new_id] = points
+    turned = np.array([np.roll(face, rng.integers(3)) for face in new_id[faces]], np.int32)
+    return moved, rng.permutation(turned)
+
+
 # (scene, activation distance): aligned sheets and boxes give exactly parallel edges, small turns and shaking
 # mollified pairs of every kind, large turns plain ones.
 SCENES: dict[str, tuple[Mesh, float]] = {

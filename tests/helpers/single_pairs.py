@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from yasps.contact.active_set import active_set_of
 from yasps.runtime.build.toolchain import find_compiler
-from yasps.runtime.collision.surface_pairs import Surface, SurfacePairs
+from yasps.runtime.collision.surface_pairs import Pieces, Surface, SurfacePairs
 from yasps.runtime.core.library import load_runtime
 
 Floats = NDArray[np.float64]
@@ -22,22 +22,24 @@ class PairGeometry:
 
     def __init__(self, triangle: bool) -> None:
         nothing = np.empty((0, 2), np.int32)
+        pieces = Pieces(np.arange(4, dtype=np.int32), nothing, np.empty((0, 3), np.int32), nothing[:, 0], nothing)
         runtime = load_runtime(find_compiler())
         labels = np.full(4, -1, np.int32)
-        self.surface = Surface(runtime, np.arange(4, dtype=np.int32), nothing, nothing, labels)
+        self.surface = Surface(runtime, pieces, labels)
         self.pairs = SurfacePairs(_NONE, _PAIR) if triangle else SurfacePairs(_PAIR, _NONE)
 
     def distance(self, points: Floats) -> tuple[float, str, float]:
         """Distance of the pair [4, 3], its kind, and the distance that the formula of this kind gives."""
         points = np.ascontiguousarray(points)
-        kinds, least = self.surface.close_pairs(points, points, np.inf, self.pairs)
-        (kind, entry), *others = [(k, e) for k, e in active_set_of(kinds, least).kinds().items() if len(e) > 0]
+        kinds, least, gap = self.surface.close_pairs(points, points, np.inf, self.pairs)
+        (kind, entry), *others = [(k, e) for k, e in active_set_of(kinds, least, gap).kinds().items() if len(e) > 0]
         assert not others
         formula = distances(kind, points[entry.vertices].astype(np.complex128))
         return least, kind, float(np.sqrt(formula[0].real))
 
     def step_bound(self, start: Floats, end: Floats) -> float:
-        step = self.surface.step_bound(np.ascontiguousarray(start), np.ascontiguousarray(end), 0.0, self.pairs)
+        first, last = np.ascontiguousarray(start), np.ascontiguousarray(end)
+        step = self.surface.step_bound(first, last, first, 0.0, self.pairs)
         assert step is not None
         return step
 

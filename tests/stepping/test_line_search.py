@@ -116,7 +116,7 @@ def test_pairs_are_those_of_where_a_failed_longer_step_leaves(longest: float) ->
         minimize(scene, [], 1.0, contact=contact, settings=settings)
     np.testing.assert_allclose(x.value.reshape(-1, 3)[:, 2], 0.45)
     assert len(contact.active) == 0
-    assert all(primitive.num_instances == 0 for primitive in contact.primitives.values())
+    assert all(pairs.primitive.num_instances == 0 for pairs in contact.primitives.values())
     assert scene.total_energy() == pytest.approx(3 * 0.05 * 0.45**2)
 
 
@@ -129,7 +129,7 @@ def test_a_longer_step_that_ends_near_the_ground_brings_its_pairs() -> None:
     expected = contact.geometry.active_set(contact.positions())
     for name, pairs in expected.kinds().items():
         assert pairs.vertices.tolist() == contact.active.kinds()[name].vertices.tolist()
-        assert contact.primitives[name].num_instances == len(pairs)
+        assert contact.primitives[name].primitive.num_instances == len(pairs)
     assert report.energy == pytest.approx(scene.total_energy(), rel=1e-9)
     assert report.contacts == len(expected)
 

@@ -52,6 +52,7 @@ class AffineBody(Body):
         orthogonality = materials.affine_orthogonality(matrix, stiffness)
         self.add_energy(self.body.add_attribute("orthogonality", computed_attribute=orthogonality))
         self.targets, self.falling = (matrix, translation), (translation,)
+        self.arms = {matrix: float(np.linalg.norm(shape.vertices - center, axis=1).max())}
 
         self.vertices = self.mesh.add_primitive("vertices", num_instances=len(shape.vertices))
         of_body = self.vertices.add_connectivity("of_body", self.body, np.zeros(len(shape.vertices), int), 1)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from types import MappingProxyType
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -26,6 +27,7 @@ class Body:
     - cells: what output shows, by the names of meshio.
     - energies: what the body added to the scene.
     - targets: stored variables that move the body; falling: those of them that a uniform acceleration moves.
+    - arms: of targets that are no positions, how far at most a vertex moves for a unit of the target [m].
     - meets_itself: whether its surface can meet itself; a stiff body's can't.
     """
 
@@ -40,6 +42,7 @@ class Body:
     targets: tuple[Attribute, ...] = ()
     falling: tuple[Attribute, ...] = ()
     meets_itself: bool = True
+    arms: Mapping[Attribute, float] = MappingProxyType({})
 
     def __init__(self, scene: Scene, name: str, radius: ArrayLike = 0.0) -> None:
         """Adds the mesh. radius: half the thickness of its surface, one or one a vertex [m].

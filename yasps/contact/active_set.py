@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,7 +17,7 @@ Ids = NDArray[np.int32]
 
 @dataclass(frozen=True)
 class Pairs:
-    """Close pairs that share one distance formula, in lexicographic order of their vertex ids, then of their edges.
+    """Close pairs that share one distance formula, in lexicographic order of vertex ids, then of edges and share.
 
     `counts` and `edges` are for improved max and 0 without it.
     """
@@ -30,10 +31,14 @@ class Pairs:
     edges: Ids
     """[n, 2]: rows of `CollisionGeometry.edges`, for pairs of edges; their number for all others."""
     share: Floats
-    """[n], in (0, 1]: a factor on the offset by the radii; below 1 for pairs that are near already at rest."""
+    """[n], from 0 to 1: a factor on the offset by the radii; below 1 for pairs that are near already at rest."""
 
     def __len__(self) -> int:
         return len(self.weight)
+
+    def chosen(self, mask: NDArray[np.bool_]) -> Self:
+        """The entries where the mask, [n], says so."""
+        return type(self)(**{name: value[mask] for name, value in vars(self).items()})
 
     def same_as(self, other: Pairs) -> bool:
         """Whether the other has the same entries, to the last bit."""
@@ -58,7 +63,10 @@ class PlanePairs(Pairs):
 
 @dataclass(frozen=True)
 class ActiveSet:
-    """All pairs closer than the activation distance, one array per formula.
+    """All pairs whose gap is below the activation distance, one array per formula.
+
+    The gap is the distance, less, where vertices have radii, the sum of both radii where the pair is closest times the
+    entry's `share`.
 
     The IPC barrier potential (Li et al. 2020, section 4 and its supplement) is the sum over all entries of
     weight * mollifier * b(D): D is the squared distance named at each field, b the barrier. The mollifier is
@@ -85,8 +93,15 @@ class ActiveSet:
     """Edges (0, 2) and (1, 3). Distance of the points 0 and 1."""
     minimum_distance: float
     """Smallest distance of all pairs above; infinity when there are none."""
+    minimum_gap: float
+    """Smallest gap of all pairs, those of half-spaces, too; infinity when there are none."""
     half_space: PlanePairs | None = None
     """Vertices near half-spaces, if there are half-spaces. Distance of point and plane."""
+
+    @property
+    def overlaps(self) -> bool:
+        """Whether a gap is 0 or less: no barrier has a finite energy then."""
+        return self.minimum_gap <= 0
 
     def kinds(self) -> dict[str, Pairs]:
         """Every array of pairs by its field's name."""
@@ -94,17 +109,22 @@ class ActiveSet:
 
     def with_half_spaces(self, pairs: PlanePairs, least: float) -> ActiveSet:
         """The same with these vertices near half-spaces, the nearest of them at the distance `least`."""
-        return replace(self, half_space=pairs, minimum_distance=min(self.minimum_distance, least))
+        return replace(
+            self,
+            half_space=pairs,
+            minimum_distance=min(self.minimum_distance, least),
+            minimum_gap=min(self.minimum_gap, least),
+        )
 
     def __len__(self) -> int:
         """Number of entries, one with a weight above 1 counted once."""
         return sum(map(len, self.kinds().values()))
 
 
-def active_set_of(kinds: Sequence[ClosePairs], minimum_distance: float) -> ActiveSet:
+def active_set_of(kinds: Sequence[ClosePairs], minimum_distance: float, minimum_gap: float) -> ActiveSet:
     """The active set of the runtime's close pairs, which come in the order of its fields."""
     arities = (2, 3, 4, 4, 4, 4, 4)
-    return ActiveSet(*(_pairs(*kind) for kind in zip(kinds, arities, strict=True)), minimum_distance)
+    return ActiveSet(*(_pairs(*kind) for kind in zip(kinds, arities, strict=True)), minimum_distance, minimum_gap)
 
 
 def _pairs(pairs: ClosePairs, arity: int) -> Pairs:
@@ -113,5 +133,5 @@ def _pairs(pairs: ClosePairs, arity: int) -> Pairs:
         pairs.weight.astype(np.float64),
         np.ascontiguousarray(pairs.counts),
         np.ascontiguousarray(pairs.edges),
-        np.ones(len(pairs.weight)),
+        pairs.share.copy(),
     )

@@ -11,15 +11,17 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from yasps import Attribute, FloatArray, IntersectionError, Mesh, PrimitiveBase, PrimitiveUnion, SceneError
 from yasps.contact.active_set import ActiveSet, Ids, Pairs, PlanePairs
 from yasps.contact.barrier import BARRIERS
 from yasps.contact.collision_geometry import Candidates, CollisionGeometry
 from yasps.contact.contact_table import ContactLaws, ContactTable, laws_of
+from yasps.contact.friction import Friction, Lag, checked_slip_length
 from yasps.contact.half_spaces import HalfSpaces, Plane
 from yasps.contact.kinds import HALF_SPACE, KINDS
 from yasps.contact.pair_primitive import ContactParts, PairPrimitive
@@ -34,6 +36,14 @@ LOGGER = logging.getLogger("yasps")
 MARGIN = 0.25
 """Ways that leave another by less than this many activation distances share its candidates: a larger margin saves
 searches, but brings more pairs to measure at every trial step."""
+
+
+@dataclass(frozen=True)
+class ContactPast:
+    """What `BarrierContact` remembers of the past: the positions last accepted, [n, 3], and the lag of friction."""
+
+    accepted: FloatArray
+    lag: Lag | None
 
 
 class BarrierContact(InScene):
@@ -57,7 +67,8 @@ class BarrierContact(InScene):
     where there is none, the positions now. Areas are of them, and the lengths from when on two edges are parallel.
     fixed: [n] bool, vertices that no energy moves. group: [n] int, pairs inside one group (of a stiff body, say) don't
     repel; negative means no group. objects: name -> number of vertices in order, for messages, moduli and the table;
-    default: the members of the union.
+    default: the members of the union. slip_length: up to which slip within a step pairs with friction stick [m], a
+    number or a 1x1 attribute of mesh or scene.
 
     Every state that `minimize` accepts is joined to the one before it by a way without collision. Positions that were
     changed from outside in between are held against the last accepted ones, see `check_way` and `reset`.
@@ -85,6 +96,7 @@ class BarrierContact(InScene):
         fixed: ArrayLike | None = None,
         group: ArrayLike | None = None,
         objects: Mapping[str, int] | None = None,
+        slip_length: float | Attribute | None = None,
         projection: str = "clamp",
     ) -> None:
         if barrier not in BARRIERS:
@@ -92,7 +104,7 @@ class BarrierContact(InScene):
         law = BARRIERS[barrier]
         if stiffness is not None or barrier == "paper":
             stiffness = positive_number(stiffness, "contact stiffness", law.unit, SceneError)
-        for name in (*_OWN_NAMES, *KINDS):
+        for name in _OWN_NAMES:
             mesh.check_child_name(name, "a part of contact")
         self.position = vertices["position"]
         if self.position.shape != (3, 1):
@@ -109,13 +121,18 @@ class BarrierContact(InScene):
         self.laws = laws_of(
             table or ContactTable(), objects, moduli, [plane.name for plane in planes], stiffness=stiffness
         )
+        slip_length = checked_slip_length(slip_length, mesh) if self.laws.has_friction else None
         self.geometry = CollisionGeometry(
             rest,
             triangles,
             activation_distance,
             edges=edges,
+            points=points,
+            radii=thickness,
             fixed=fixed,
             group=group,
+            class_of=None if self.laws.enabled.all() else self.laws.class_of,
+            allowed=None if self.laws.enabled.all() else self.laws.enabled,
             objects=objects,
             improved_max=barrier != "paper",
             runtime=mesh.scene.runtime,
@@ -146,17 +163,24 @@ class BarrierContact(InScene):
             barrier_energy = pairs.primitive.add_attribute("barrier", computed_attribute=energy)
             mesh.scene.add_energy(barrier_energy, projection=projection)
             self.primitives[name] = pairs
+        self.friction: Friction | None = None
+        if slip_length is not None:
+            self.friction = Friction(
+                self.parts, kinds, self.laws, slip_length=slip_length, positions=positions, projection=projection
+            )
         self._given: dict[str, Pairs] = {}
         self._kept: Candidates | None = None
         self._where = positions
         self._accepted = positions
         self.active = self._close_pairs(positions)
         self._apply(self.active)
+        self.lag()
 
     @property
     def energies(self) -> list[Attribute]:
-        """The barriers of all kinds."""
-        return [pairs.primitive["barrier"] for pairs in self.primitives.values()]
+        """The barriers of all kinds, and friction."""
+        barriers = [pairs.primitive["barrier"] for pairs in self.primitives.values()]
+        return barriers if self.friction is None else barriers + self.friction.energies
 
     def _close_pairs(self, positions: FloatArray, candidates: Candidates | None = None) -> ActiveSet:
         active = self.geometry.active_set(positions, candidates)
@@ -170,6 +194,42 @@ class BarrierContact(InScene):
     def positions(self) -> FloatArray:
         """Current positions of all vertices, [n, 3]."""
         return self.position.compute().array.reshape(-1, 3)
+
+    @one_thread_at_a_time
+    def start_step(self) -> None:
+        """Begins a time step: checks the way of what was moved from outside since the last one (see `check_way`), and
+        takes normal forces of friction from the present positions. Slips count from the positions accepted before, so
+        obstacles that were moved by hand drag what lies on them.
+
+        `BackwardEuler.step` does so. Raises IntersectionError.
+        """
+        before = self._accepted
+        self.check_way()
+        if self.friction is not None:
+            self.friction.start_step(before)
+            self.lag()
+
+    @one_thread_at_a_time
+    def lag(self) -> None:
+        """Takes normal forces, closest points and tangent planes of friction from the present positions."""
+        if self.friction is not None:
+            positions = self.positions()
+            pairs = self.update(positions).kinds()
+            laws = {name: self.laws_of_pairs(name, of_kind) for name, of_kind in pairs.items()}
+            self.friction.take(positions, pairs, laws)
+
+    def save(self) -> ContactPast:
+        """What contact remembers of the past, for `load` after a step that failed."""
+        return ContactPast(self._accepted, None if self.friction is None else self.friction.save())
+
+    @one_thread_at_a_time
+    def load(self, past: ContactPast) -> None:
+        """Remembers what it did then: the positions last accepted, and what friction was lagged at. The vertices are
+        back where they were."""
+        self.update()
+        self.accept(past.accepted)
+        if self.friction is not None and past.lag is not None:
+            self.friction.load(past.lag)
 
     def accept(self, positions: FloatArray) -> None:
         """Notes that the vertices came to these positions [n, 3] on a way that was free of collisions."""
@@ -195,6 +255,12 @@ class BarrierContact(InScene):
                 " so by reset() of the contact"
             ) from error
         self.accept(where)
+
+    def check_free_way(self, start: FloatArray, end: FloatArray, *, only: NDArray[np.bool_] | None = None) -> None:
+        """Raises IntersectionError, with names, if something meets on the straight way from start to end [n, 3], from
+        where surfaces are apart. only: bool [n], of surface pieces those of these vertices alone."""
+        self.geometry.check_way(start, end, only=only)
+        self.half_spaces.check_free(end, self.geometry._name)
 
     @one_thread_at_a_time
     def reset(self) -> None:
@@ -244,7 +310,7 @@ class BarrierContact(InScene):
         """
         if not np.array_equal(start, self._where):
             return False
-        least = min(self.active.minimum_distance, self.geometry.activation_distance)
+        least = min(self.active.minimum_gap, self.geometry.activation_distance)
         way = end - start
         longest = float(np.sqrt(np.einsum("ij,ij->i", way, way).max(initial=0.0)))
         return 0.0 < 2 * longest <= 0.9 * least
@@ -264,8 +330,11 @@ class BarrierContact(InScene):
         return self.laws.of(pairs.vertices[:, first], pairs.vertices[:, second])
 
 
-_OWN_NAMES = ("reach", "squared_reach", "laws", "planes", "half_space", "surface_points", "surface_triangles")
-"""What contact adds to its mesh besides the kinds of pairs."""
+_OWN_NAMES = (
+    *("reach", "squared_reach", "slip_length", "laws", "planes", "surface_points", "surface_triangles"),
+    *(f"{kind}{part}" for kind in (*KINDS, "half_space") for part in ("", "_friction")),
+)
+"""What contact adds to its mesh."""
 
 
 def _add_parts(

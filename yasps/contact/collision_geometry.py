@@ -15,24 +15,28 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Never
 
-import ipctk
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from yasps import DataError, IntersectionError, SceneError
 from yasps.contact.active_set import ActiveSet, Floats, Ids, active_set_of
+from yasps.contact.crossings import Crossings
 from yasps.contact.surface_arguments import (
+    checked_classes,
     checked_ids,
     checked_length,
     checked_points,
+    checked_radii,
+    checked_vertices,
     first_not_finite,
     labels_of_filter,
+    objects_of_vertices,
     ranges_of_objects,
 )
 from yasps.frontend.language.arrays import positive_number, real_numbers
 from yasps.meshes import TetrahedralMesh
 from yasps.runtime.build.toolchain import find_compiler
-from yasps.runtime.collision.surface_pairs import Surface, SurfacePairs
+from yasps.runtime.collision.surface_pairs import Pieces, Surface, SurfacePairs, Thickness
 from yasps.runtime.core.library import Runtime, load_runtime
 from yasps.runtime.core.uncopied import Uncopied
 
@@ -41,8 +45,8 @@ _ROUNDING = 8 * float(np.finfo(np.float64).eps)
 
 @dataclass(frozen=True)
 class Candidates:
-    """Pairs that may come closer than `distance` while each vertex is within `margin` of its place on the straight way
-    from `start` to `end`, all of them at the same time."""
+    """Pairs that may come closer than `distance`, and their radii, while each vertex is within `margin` of its place on
+    the straight way from `start` to `end`, all of them at the same time."""
 
     surface: Surface
     distance: float
@@ -66,62 +70,80 @@ class CollisionGeometry(Uncopied):
         activation_distance: float,
         *,
         edges: ArrayLike | None = None,
+        points: ArrayLike | None = None,
+        radii: ArrayLike = 0.0,
         fixed: ArrayLike | None = None,
         group: ArrayLike | None = None,
+        class_of: ArrayLike | None = None,
+        allowed: ArrayLike | None = None,
         objects: Mapping[str, int] | None = None,
         improved_max: bool = False,
         runtime: Runtime | None = None,
     ) -> None:
         """Take the scene's surface.
 
-        `rest_positions` [n, 3]: all vertices, where edges have their lengths at rest; these say from when on two
+        `rest_positions` [n, 3]: all vertices, where they are at rest; the edges' lengths there say from when on two
         edges count as parallel. `triangles` [m, 3]: ids. `activation_distance` > 0: pairs closer than this are
         active. `edges` [k, 2]: further edges, of rods and curves; their ends meet triangles, and they meet all
-        edges. `fixed` [n] bool: vertices that no energy moves; no pair of only fixed vertices is reported. `group`
-        [n] int: no pair inside one group is reported; negative means no group. `objects`: name -> number of
-        vertices, in the order of the union, for messages. `improved_max`: entries of the active set have counts and
-        edges; a vertex counts at all triangles near it as often as at its nearest alone, once. `runtime`: loaded if
-        not given.
+        edges. `points` [p]: ids of loose vertices, in no triangle or edge, that meet triangles, those edges that are in
+        no triangle, and each other. `radii` >= 0, one or [n]: surfaces are that thick at each vertex, on either
+        side; see below. `fixed` [n] bool: vertices that no energy moves; no pair of only fixed vertices is reported.
+        `group` [n] int: no pair inside one group is reported; negative means no group. `class_of` [n] int, `allowed`
+        [c, c] bool: pairs of classes that are not allowed are neither reported nor do they cross. `objects`: name ->
+        number of vertices, in the order of the union; default: all are one. `improved_max`: entries of the active set
+        have counts and edges; a vertex counts at all triangles near it as often as at its nearest alone, once.
+        `runtime`: loaded if not given.
 
-        Vertices in no triangle and no edge take no part: the inside of tetrahedral meshes, but also loose points,
-        which would go through everything. `taking_part` says which do; `edges` [k, 2] (each once, its lower end
-        first, in lexicographic order) and `triangles` [m, 3] are what they are in.
+        With radii, the gap of a pair is its distance less its offset, the sum of both radii where it is closest. Pairs
+        are active, and steps are bounded, by the gap. Pairs of one object whose gap at rest is less than the activation
+        distance have only that `share` of the offset which makes it so, perhaps none.
+
+        Other vertices in no triangle and no edge take no part: the inside of tetrahedral meshes, but also loose
+        points that are not named, which would go through everything. `taking_part` says which do; `edges` [k, 2] (each
+        once, its lower end first, in lexicographic order; a loose point twice, as an edge without length) and
+        `triangles` [m, 3] are what they are in.
 
         Raises DataError, ConnectivityError for ids, SceneError for a group that holds both fixed and free vertices.
         """
         rest = checked_points(rest_positions, "rest_positions").copy()
         self.vertex_count = len(rest)
-        self.activation_distance = positive_number(activation_distance, "activation_distance", "m")
+        self.activation_distance = reach = positive_number(activation_distance, "activation_distance", "m")
         self._objects = ranges_of_objects(objects, self.vertex_count)
         faces = checked_ids(triangles, 3, self.vertex_count, "triangles")
         lines = checked_ids(np.empty((0, 2)) if edges is None else edges, 2, self.vertex_count, "edges")
 
-        # The collision mesh numbers only the vertices that take part; `_full_id` leads back.
-        full_id, local = np.unique(np.concatenate([faces.ravel(), lines.ravel()]), return_inverse=True)
-        self._full_id: Ids = full_id.astype(np.int32)
-        local = local.astype(np.int32)
-        self._faces = np.asfortranarray(local[: faces.size].reshape(-1, 3))
-        sides = self._faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2)
-        all_edges = np.concatenate([sides, local[faces.size :].reshape(-1, 2)])
-        self._edges = np.asfortranarray(np.unique(np.sort(all_edges, axis=1), axis=0))
-        self._mesh = ipctk.CollisionMesh(np.asfortranarray(rest[full_id]), self._edges, self._faces)
+        loose = checked_vertices(points, faces, lines, self.vertex_count)
+        thick = checked_radii(radii, self.vertex_count)
+        is_thick = bool(thick.any())
+
+        # The collision mesh numbers only the vertices that take part; `full_id` leads back.
+        full_id, local = np.unique(np.concatenate([faces.ravel(), lines.ravel(), loose]), return_inverse=True)
+        full_id, local = full_id.astype(np.int32), local.astype(np.int32)
+        local_faces = local[: faces.size].reshape(-1, 3)
+        sides = local_faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2)
+        all_edges = np.concatenate([sides, local[faces.size : faces.size + lines.size].reshape(-1, 2)])
+        local_edges, number = np.unique(np.sort(all_edges, axis=1), axis=0, return_inverse=True)
+        is_free = np.ones(len(local_edges), np.bool_)
+        is_free[number.ravel()[: len(sides)]] = False
+
         labels = labels_of_filter(fixed, group, self.vertex_count)
-        if labels is not None:
-            self._mesh.can_collide = ipctk.make_vertex_patches_filter(labels[full_id])
+        classes = checked_classes(class_of, allowed, self.vertex_count, faces, lines)
         self._rest = rest
         self._improved_max = improved_max
+        self._crossings = Crossings(rest, full_id, local_edges, local_faces, labels=labels, classes=classes)
         self.taking_part = np.zeros(self.vertex_count, np.bool_)
-        self.taking_part[self._full_id] = True
-        self.edges: Ids = np.ascontiguousarray(self._full_id[self._edges])
-        self.triangles: Ids = np.ascontiguousarray(self._full_id[self._faces])
-        self.edges.flags.writeable = self.triangles.flags.writeable = False
+        self.taking_part[full_id] = True
+        self.triangles: Ids = full_id[local_faces]
+        edges_of_scene = full_id[local_edges]
         self._surface = Surface(
             runtime or load_runtime(find_compiler()),
-            self._full_id,
-            self.edges,
-            self.triangles,
+            Pieces(full_id, edges_of_scene, self.triangles, loose, edges_of_scene[is_free]),
             np.full(self.vertex_count, -1, np.int32) if labels is None else labels,
+            Thickness(thick, objects_of_vertices(self._objects, self.vertex_count), reach) if is_thick else None,
+            classes,
         )
+        self.edges: Ids = self._surface.edges
+        self.edges.flags.writeable = self.triangles.flags.writeable = False
 
     @property
     def objects(self) -> dict[str, int]:
@@ -130,7 +152,7 @@ class CollisionGeometry(Uncopied):
 
     def rest_areas(self) -> Floats:
         """A third of the area of the triangles around each vertex at rest [m^2], [n]."""
-        corners = self._full_id[self._faces]
+        corners = self.triangles
         x = self._rest[corners]
         areas = np.linalg.norm(np.cross(x[:, 1] - x[:, 0], x[:, 2] - x[:, 0]), axis=1) / 6
         return np.bincount(corners.ravel(), np.repeat(areas, 3), minlength=self.vertex_count).astype(np.float64)
@@ -143,16 +165,19 @@ class CollisionGeometry(Uncopied):
         A surface wholly inside another crosses nothing and is not noticed. Raises DataError for a wrong
         shape or values that are not finite.
         """
-        return self._crosses(self._of_mesh(self._checked(positions, "positions")))
+        return self._crossings.exist(self._checked(positions, "positions"))
 
     def check_intersection_free(self, positions: ArrayLike) -> None:
-        """Raise IntersectionError, naming number and first of the crossings, if surfaces cross or touch."""
-        self._require_no_crossing(self._of_mesh(self._checked(positions, "positions")), "positions")
+        """Raise IntersectionError, naming number and first of the crossings, if surfaces cross or touch; or number and
+        deepest of the pairs that are nearer than their radii."""
+        full = self._checked(positions, "positions")
+        self._require_no_crossing(full, "positions")
+        self._require_gap(full, "positions")
 
     def crossings(self, positions: ArrayLike) -> tuple[Ids, Ids]:
         """All edges that meet triangles at `positions` [n, 3] (touching counts): their ends [k, 2], and the numbers [k]
         of the triangles. Slow where there are many."""
-        return self._crossings(self._of_mesh(self._checked(positions, "positions")))
+        return self._crossings.all(self._checked(positions, "positions"))
 
     # --- pairs ---
 
@@ -188,7 +213,9 @@ class CollisionGeometry(Uncopied):
         return all(self._off_way(self._checked(part, "positions"), candidates) <= 0 for part in positions)
 
     def active_set(self, positions: ArrayLike, candidates: Candidates | None = None) -> ActiveSet:
-        """All pairs closer than the activation distance at `positions` [n, 3].
+        """All pairs whose gap is below the activation distance at `positions` [n, 3].
+
+        A gap may be negative there, see `ActiveSet.overlaps`.
 
         With `candidates` of this line search only their distances are measured; without, the broad phase runs
         first.
@@ -220,78 +247,79 @@ class CollisionGeometry(Uncopied):
     ) -> float:
         """Largest step in [0, 1] from `start` straight towards `end` [n, 3] that is free of collisions.
 
-        A step below 1 needs no further safety factor: every pair keeps at least a tenth of its distance at
-        `start`, and one keeps hardly more. Sliding along each other and turning about a place where pieces
+        A step below 1 needs no further safety factor: every pair keeps at least a tenth of its gap at `start`, and
+        one keeps hardly more. (Where radii vary in a piece the gap is by the least of each, so that it may be less by
+        the radii where pieces are closest.) Sliding along each other and turning about a place where pieces
         nearly touch is no approach, however small the gap. `start_is_free=True` skips the intersection test of
         `start`, for callers whose every earlier step was bounded; a distance that rounding of the positions
-        could take away is always refused. Raises IntersectionError if surfaces at `start` cross or touch.
+        could take away is always refused. Raises IntersectionError if surfaces at `start` cross, or
+        a gap there is nothing.
         """
         if candidates is None:
             candidates = self.candidates(start, end, distance=0.0)
         first = self._on_way(start, "start", candidates)
         last = self._on_way(end, "end", candidates)
         if not start_is_free:
-            self._require_no_crossing(self._of_mesh(first), "start")
+            self._require_no_crossing(first, "start")
         return self._bound(first, last, candidates.pairs)
 
-    def check_way(self, start: ArrayLike, end: ArrayLike) -> None:
+    def check_way(self, start: ArrayLike, end: ArrayLike, *, only: NDArray[np.bool_] | None = None) -> None:
         """Raise IntersectionError, naming a pair that meets, if surfaces do on the straight way from `start` to `end`
         [n, 3].
 
         Surfaces may come as near each other as a thousandth of the activation distance, or half their smallest distance
-        at `start` where that is less. `start` must be free of intersections.
+        at `start` where that is less. `start` must be free of intersections. `only` [n]: pairs of these vertices alone.
         """
         first, last = self._checked(start, "start"), self._checked(end, "end")
         here, done, allowed = first, 0.0, 1e-3 * self.activation_distance
         while True:
             pairs = self.candidates(here, last, distance=0.0).pairs
+            if only is not None:
+                pairs = SurfacePairs(
+                    *(kind[only[kind].all(axis=1)] for kind in (pairs.edge_edge, pairs.vertex_triangle))
+                )
             step = self._bound(here, last, pairs)
             if step == 1.0:
                 return
-            allowed = min(allowed, 0.5 * self._distance(here, pairs)) if done == 0.0 else allowed
+            allowed = min(allowed, 0.5 * self._gap(here, pairs)) if done == 0.0 else allowed
             # The bound leaves a tenth of the distance: that need not be a collision. It is looked at again from there.
             reached = done + step * (1.0 - done)
             here = here + step * (last - here)
-            if self._distance(here, pairs) <= allowed or reached == done:
+            if self._gap(here, pairs) <= allowed or reached == done:
                 break
             done = reached
         nearest = self._nearest(here, pairs)
-        if len(nearest.edge_edge) > 0:
-            ends = nearest.edge_edge[0].tolist()
-            what = f"edge ({self._names(ends[:2])}) and edge ({self._names(ends[2:])})"
-        else:
-            vertex, *corners = nearest.vertex_triangle[0].tolist()
-            what = f"{self._name(vertex)} and triangle ({self._names(corners)})"
         raise IntersectionError(
-            f"{what} collide at {reached:.3f} of the straight way; they are {self._distance(first, nearest):.3g} apart"
-            f" at its start, and nearer than {allowed:.3g} counts as a collision"
+            f"{self._pieces(nearest)} collide at {reached:.3f} of the straight way; they are"
+            f" {self._gap(first, nearest):.3g} apart{self._beyond} at its start, and nearer than {allowed:.3g} counts"
+            " as a collision"
         )
 
     # --- helpers ---
 
     def _bound(self, start: Floats, end: Floats, pairs: SurfacePairs) -> float:
-        touching = 4 * _ROUNDING * float(np.abs(start).max(initial=1e-300))
-        step = self._surface.step_bound(start, end, touching, pairs)
+        touching = _touching(start)
+        step = self._surface.step_bound(start, end, self._rest, touching, pairs)
         if step is None:
             self._raise_touching(self._distances(2 * touching, start, pairs), touching)
         return step
 
     def _nearest(self, positions: Floats, pairs: SurfacePairs) -> SurfacePairs:
-        """The nearest of the pairs, by bisection."""
+        """The pair of the least gap, by bisection."""
         by_kind = {kind: _only(pairs, kind) for kind in ("edge_edge", "vertex_triangle")}
-        kind = min(by_kind, key=lambda name: self._distance(positions, by_kind[name]))
-        least = self._distance(positions, by_kind[kind])
+        kind = min(by_kind, key=lambda name: self._gap(positions, by_kind[name]))
+        least = self._gap(positions, by_kind[kind])
         low, high = 0, len(by_kind[kind])
         while high - low > 1:
             middle = (low + high) // 2
-            if self._distance(positions, _only(pairs, kind, low, middle)) == least:
+            if self._gap(positions, _only(pairs, kind, low, middle)) == least:
                 high = middle
             else:
                 low = middle
         return _only(pairs, kind, low, high)
 
-    def _distance(self, positions: Floats, pairs: SurfacePairs) -> float:
-        return self._distances(np.inf, positions, pairs).minimum_distance
+    def _gap(self, positions: Floats, pairs: SurfacePairs) -> float:
+        return self._distances(np.inf, positions, pairs).minimum_gap
 
     def _checked(self, positions: ArrayLike, name: str) -> Floats:
         full = real_numbers(positions, name, finite=False)
@@ -307,9 +335,6 @@ class CollisionGeometry(Uncopied):
                 " wrong"
             )
         return full
-
-    def _of_mesh(self, positions: Floats) -> Floats:
-        return np.asfortranarray(positions[self._full_id])
 
     def _off_way(self, positions: Floats, candidates: Candidates) -> float:
         """By how much positions leave what candidates were made for; at most 0 if they do not."""
@@ -328,44 +353,54 @@ class CollisionGeometry(Uncopied):
         return full
 
     def _distances(self, reach: float, positions: Floats, pairs: SurfacePairs, improved_max: bool = False) -> ActiveSet:
-        """Those of the pairs that are closer than `reach`."""
+        """Those of the pairs whose gap is less than `reach`."""
         return active_set_of(*self._surface.close_pairs(positions, self._rest, reach, pairs, improved_max))
 
-    def _crosses(self, surface: Floats) -> bool:
-        return bool(ipctk.has_intersections(self._mesh, surface, ipctk.LBVH()))
-
-    def _require_no_crossing(self, surface: Floats, name: str) -> None:
-        if not self._crosses(surface):
+    def _require_no_crossing(self, positions: Floats, name: str) -> None:
+        if not self._crossings.exist(positions):
             return
-        edges, triangles = self._crossings(surface)
-        face = self._full_id[self._faces[triangles[0]]]
+        edges, triangles = self._crossings.all(positions)
+        face = self.triangles[triangles[0]]
         raise IntersectionError(
             f"{name}: {len(edges)} edges cross or touch triangles; first: edge ({self._names(edges[0].tolist())})"
             f" and triangle ({self._names(face.tolist())}). Move the objects apart (contact needs a positive distance"
             " everywhere), or put objects that may overlap into one group"
         )
 
-    def _crossings(self, surface: Floats) -> tuple[Ids, Ids]:
-        """All edges [k, 2] and triangle numbers [k] that meet, sorted; slow, for messages only."""
-        boxes = ipctk.LBVH()
-        boxes.can_vertices_collide = self._mesh.can_collide
-        size = float(np.linalg.norm(np.ptp(surface, axis=0)))
-        boxes.build(surface, self._edges, self._faces, 1e-6 * size)
-        found = []
-        for pair in boxes.detect_edge_face_candidates():
-            edge, face = self._edges[pair.edge_id], self._faces[pair.face_id]
-            if ipctk.is_edge_intersecting_triangle(*surface[edge], *surface[face]):
-                found.append((*self._full_id[edge].tolist(), pair.face_id))
-        table = np.array(sorted(found), np.int32).reshape(-1, 3)
-        return table[:, :2], table[:, 2]
+    def _require_gap(self, positions: Floats, name: str) -> None:
+        if self._surface.thickness is None:
+            return
+        pairs = self.candidates(positions, distance=0.0).pairs
+        touching = self._distances(_touching(positions), positions, pairs)
+        if len(touching) == 0:
+            return
+        count = int(sum(kind.weight.sum() for kind in touching.kinds().values()))
+        raise IntersectionError(
+            f"{name}: {count} pairs are nearer to each other than their radii; deepest:"
+            f" {self._pieces(self._nearest(positions, pairs))}, by {max(0.0, -touching.minimum_gap):.3g}. Move the"
+            " objects apart, or give them smaller radii"
+        )
 
     def _raise_touching(self, touching: ActiveSet, rounding: float) -> Never:
         kind, pairs = next((kind, pairs) for kind, pairs in touching.kinds().items() if len(pairs) > 0)
+        first = f"a {kind.replace('_', ' ')} pair: {self._names(pairs.vertices[0].tolist())}"
         raise IntersectionError(
-            f"start: {len(touching)} pairs touch (closer than positions are rounded, {rounding:.1g}); first, a"
-            f" {kind.replace('_', ' ')} pair: {self._names(pairs.vertices[0].tolist())}. No step can be bounded from"
-            " there: start with a gap between the objects"
+            f"start: {len(touching)} pairs touch (closer{self._beyond} than positions are rounded, {rounding:.1g});"
+            f" first, {first}. No step can be bounded from there: start with a gap between the objects"
         )
+
+    @property
+    def _beyond(self) -> str:
+        return "" if self._surface.thickness is None else " beyond their radii"
+
+    def _pieces(self, pair: SurfacePairs) -> str:
+        """The two pieces of a single pair, for messages."""
+        if len(pair.vertex_triangle) > 0:
+            vertex, *corners = pair.vertex_triangle[0].tolist()
+            return f"{self._name(vertex)} and triangle ({self._names(corners)})"
+        ends = pair.edge_edge[0].tolist()
+        pieces = [self._name(a) if a == b else f"edge ({self._names([a, b])})" for a, b in (ends[:2], ends[2:])]
+        return " and ".join(pieces)
 
     def _name(self, vertex: int) -> str:
         """The object that a vertex belongs to, and its number there, for messages."""
@@ -376,6 +411,11 @@ class CollisionGeometry(Uncopied):
 
     def _names(self, vertices: list[int]) -> str:
         return ", ".join(self._name(vertex) for vertex in vertices)
+
+
+def _touching(positions: Floats) -> float:
+    """A gap that rounding of positions could take away."""
+    return 4 * _ROUNDING * float(np.abs(positions).max(initial=1e-300))
 
 
 def _only(pairs: SurfacePairs, kind: str, first: int = 0, end: int | None = None) -> SurfacePairs:

@@ -1,4 +1,4 @@
-"""Lagged smoothed Coulomb friction (Li et al. 2020, section 5), as functions of attributes.
+"""Lagged smoothed Coulomb friction (Li et al. 2020, section 5).
 
 At the beginning of a step, or of a lagging pass, normal forces, closest points and tangent planes of all close pairs
 are fixed; friction then has a potential. Its argument is the slip: how far one piece has moved along the other since
@@ -7,8 +7,17 @@ the beginning of the step.
 
 from __future__ import annotations
 
-from yasps import Attribute, constant, maximum, select
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from yasps import Attribute, FloatArray, Mesh, SceneError, constant, maximum, select
+from yasps.contact.active_set import Ids, Pairs
+from yasps.contact.contact_table import ContactLaws
 from yasps.contact.kinds import Kind
+from yasps.contact.pair_primitive import ContactParts, PairPrimitive
+from yasps.frontend.language.arrays import positive_number
 
 KINETIC_FROM = 10.0
 """Slip, in slip lengths, from which on friction is kinetic."""
@@ -42,31 +51,117 @@ def sliding_distance(slip: Attribute, slip_length: Attribute, static: Attribute,
 def slip_of(kind: Kind, way: Attribute, lagged: Attribute) -> Attribute:
     """The slip of a pair, 2x1 [m]: how far its second piece has come along the first, in the lagged tangent basis.
 
-    way: how far each of its vertices has come since the beginning of the step, arity x 3 [m]. lagged: the corners of
-    the pair when it was lagged. Linear in the way, so that Hessians of friction are projected as 2x2 matrices.
+    way: how far each of its vertices has come since the beginning of the step, arity x 3 [m]. lagged: its corners when
+    it was lagged. Linear in the way, so that Hessians of friction are projected as 2x2 matrices.
     """
     return kind.tangents(lagged).T * (way.T * kind.weights(lagged))
 
 
-def log_normal_force(
-    squared_distance: Attribute, offset: Attribute, reach: Attribute, strength: Attribute
-) -> Attribute:
-    """-dE/dd [N] of the barrier E = strength d_hat beta(tau), beta = -(tau - 1)^2 ln(tau), tau = (d^2 - xi^2) / H.
+def normal_force(pairs: PairPrimitive, lagged: Attribute) -> Attribute:
+    """-dE/dd [N] of the barrier of a pair by its distance d, at lagged corners; weight and mollifier count as they do
+    there. As negative as its weight, should that be."""
+    excess, activation = pairs.excess(lagged)
+    slope = pairs.parts.barrier.slope(excess, activation, pairs.scale(pairs.of_law("stiffness")))
+    distance = pairs.kind.squared_distance(lagged).sqrt()
+    return pairs.mollified(-2 * distance * (pairs.weight * slope), lagged)
 
-    d is the distance, offset xi the sum of radii, reach d_hat [m], H = d_hat^2 + 2 xi d_hat; strength is weight [m^2]
-    times mollifier times stiffness [Pa]. As negative as the weight, should that be.
+
+def checked_slip_length(slip_length: float | Attribute | None, mesh: Mesh) -> float | Attribute:
+    """Raises SceneError unless this is a positive length, or a 1x1 attribute of the mesh or its scene."""
+    if slip_length is None:
+        raise SceneError(
+            "the contact table has friction, but nothing says up to which slip things stick: give slip_length [m], the"
+            " speed below which they count as at rest (1e-3 m/s, say) times the time step"
+        )
+    if not isinstance(slip_length, Attribute):
+        return positive_number(slip_length, "slip_length", "m", SceneError)
+    if slip_length.shape != (1, 1) or slip_length.owner not in mesh.lineage():
+        raise SceneError(f"slip_length is a length [m], 1x1, of {mesh.label} or its scene, got {slip_length!r}")
+    return slip_length
+
+
+@dataclass(frozen=True)
+class Lag:
+    """What friction is lagged at: positions of all vertices at the beginning of the step and when it was lagged,
+    [n, 3], and by kind the pairs that rub, with their laws."""
+
+    previous: FloatArray
+    positions: FloatArray
+    pairs: Mapping[str, tuple[Pairs, Ids]]
+
+
+class Friction:
+    """Friction of all close pairs of a scene: for each kind a dynamic primitive, its name followed by `_friction`.
+
+    Their pairs are those that were close when friction was lagged and rub by their law. The positions then are the
+    constant `lagged_position` of the surface's points, those at the beginning of the step `previous_position`; normal
+    forces, closest points and tangent planes are attributes of them.
     """
-    d = squared_distance.sqrt()
-    support = reach * (reach + 2 * offset)
-    tau = (d - offset) * (d + offset) / support
-    return strength * reach * (2 * d / support) * ((1 - tau) * ((1 - tau) / tau - 2 * tau.log()))
 
+    def __init__(
+        self,
+        parts: ContactParts,
+        kinds: Mapping[str, Kind],
+        laws: ContactLaws,
+        *,
+        slip_length: float | Attribute,
+        positions: FloatArray,
+        projection: str,
+    ) -> None:
+        """Adds primitives and energies, without pairs.
 
-def paper_normal_force(squared_distance: Attribute, squared_reach: Attribute, strength: Attribute) -> Attribute:
-    """-dE/dd [N] of the barrier E = strength (D - H)^2 log(D / H)^2 of the squared distance D = d^2 < H = d_hat^2.
+        slip_length [m]: how far a pair slips within a step before friction has its full force, a number or an attribute
+        of mesh or scene. laws: of the primitive `laws` of the parts. positions: of all vertices now, [n, 3]. Raises
+        NameTakenError.
+        """
+        mesh, points = parts.mesh, parts.points
+        self._laws = laws
+        if not isinstance(slip_length, Attribute):
+            slip_length = mesh.add_constant("slip_length", 1, 1, value=slip_length)
+        self.slip_length = slip_length
+        self._lagged = points.add_constant("lagged_position", 3, 1, value=positions)
+        self._previous = points.add_constant("previous_position", 3, 1, value=positions)
+        self.primitives: dict[str, PairPrimitive] = {}
+        self._lag = Lag(positions, positions, {})
+        for name, kind in kinds.items():
+            pairs = PairPrimitive(parts, f"{name}_friction", kind, names_points=True)
+            x = pairs.corners("positions", parts.vertices["position"])
+            lagged = pairs.corners("lagged_positions", self._lagged)
+            way = x - pairs.corners("previous_positions", self._previous)
+            slip = slip_of(kind, way.block(0, 0, kind.arity, 3), lagged)
+            slid = sliding_distance(slip, self.slip_length, pairs.of_law("friction"), pairs.of_law("kinetic_friction"))
+            force = pairs.primitive.add_attribute("normal_force", computed_attribute=normal_force(pairs, lagged))
+            energy = pairs.primitive.add_attribute("potential", computed_attribute=force * slid)
+            mesh.scene.add_energy(energy, projection=projection)
+            self.primitives[name] = pairs
 
-    strength [J/m^4]: number of equal pairs times mollifier times stiffness.
-    """
-    gap, ratio = squared_reach - squared_distance, (squared_distance / squared_reach).log()
-    d = squared_distance.sqrt()
-    return 4 * strength * d * gap * ratio * (ratio - gap / squared_distance)
+    @property
+    def energies(self) -> list[Attribute]:
+        """Friction of all kinds."""
+        return [pairs.primitive["potential"] for pairs in self.primitives.values()]
+
+    def start_step(self, previous: FloatArray) -> None:
+        """Where all vertices are at the beginning of a step, [n, 3]: slips count from there."""
+        self.load(replace(self._lag, previous=previous))
+
+    def take(self, positions: FloatArray, pairs: Mapping[str, Pairs], laws: Mapping[str, Ids]) -> None:
+        """Lags friction: takes normal forces, closest points and tangent planes from these positions [n, 3], and the
+        pairs that are close there, of which those rub whose law [n of the kind] has friction."""
+        rubs = {name: self._laws.friction[laws[name]] > 0 for name in pairs}
+        chosen = {name: (all_of.chosen(rubs[name]), laws[name][rubs[name]]) for name, all_of in pairs.items()}
+        self.load(replace(self._lag, positions=positions, pairs=chosen))
+
+    def save(self) -> Lag:
+        """What friction was lagged at, for `load`."""
+        return self._lag
+
+    def load(self, lag: Lag) -> None:
+        """Lags friction as it was. Costs next to nothing where pairs and positions are the same."""
+        old, self._lag = self._lag, lag
+        if not np.array_equal(old.previous, lag.previous):
+            self._previous.update_value(lag.previous)
+        if not np.array_equal(old.positions, lag.positions):
+            self._lagged.update_value(lag.positions)
+        for name, (pairs, laws) in lag.pairs.items():
+            if name not in old.pairs or not pairs.same_as(old.pairs[name][0]):
+                self.primitives[name].update(pairs, laws)

@@ -44,14 +44,15 @@ class PairPrimitive:
     weight: [m^2], or a number of pairs where contact has no areas. Corners x of a pair: see `corners`.
     """
 
-    def __init__(self, parts: ContactParts, name: str, kind: Kind) -> None:
-        """Adds the primitive to the mesh, without instances. Raises NameTakenError."""
+    def __init__(self, parts: ContactParts, name: str, kind: Kind, *, names_points: bool = False) -> None:
+        """Adds the primitive to the mesh, without instances. names_points: corners of attributes of the points will be
+        asked for. Raises NameTakenError."""
         self.parts, self.kind = parts, kind
         self.primitive = parts.mesh.add_primitive(name, 0, is_dynamic=True)
         self.vertices = self.primitive.add_connectivity("vertices", parts.vertices, [], kind.arity)
         self._law = self.primitive.add_connectivity("law", parts.laws, [], 1)
         counted = kind.counted if parts.measures is not None else 0
-        self._points = kind.arity if parts.is_thick or kind.edges is not None else counted
+        self._points = kind.arity if names_points or parts.is_thick or kind.edges is not None else counted
         if self._points:
             self._to_points = self.primitive.add_connectivity("points", parts.points, [], self._points)
         if kind.is_plane:

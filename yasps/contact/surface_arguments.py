@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike
 from yasps import ConnectivityError, DataError, SceneError
 from yasps.contact.active_set import Floats, Ids
 from yasps.frontend.language.arrays import plain_array, real_numbers
+from yasps.runtime.collision.surface_pairs import Classes
 
 
 def checked_points(points: ArrayLike, name: str, count: int | None = None) -> Floats:
@@ -64,6 +65,45 @@ def checked_ids(elements: ArrayLike, arity: int, vertex_count: int, name: str) -
     return ids.astype(np.int32)
 
 
+def checked_vertices(points: ArrayLike | None, triangles: Ids, edges: Ids, vertex_count: int) -> Ids:
+    """Ids of loose vertices, int32 [p], sorted. Raises ConnectivityError."""
+    if points is None:
+        return np.empty(0, np.int32)
+    ids = plain_array(points, "points", ConnectivityError)
+    loose = np.sort(checked_ids(ids.reshape(-1, 1) if ids.ndim == 1 else ids, 1, vertex_count, "points").ravel())
+    if (loose[1:] == loose[:-1]).any():
+        raise ConnectivityError(f"points: vertex {loose[:-1][loose[1:] == loose[:-1]][0]} is there twice")
+    held = np.intersect1d(loose, np.concatenate([triangles.ravel(), edges.ravel()]))
+    if len(held) > 0:
+        raise ConnectivityError(
+            f"points: vertex {held[0]} is in a triangle or an edge, and takes part in contact with it: leave it out"
+        )
+    return loose
+
+
+def checked_classes(
+    class_of: ArrayLike | None, allowed: ArrayLike | None, vertex_count: int, triangles: Ids, edges: Ids
+) -> Classes | None:
+    """Which classes of vertices meet; None where all do. Raises DataError."""
+    if class_of is None and allowed is None:
+        return None
+    if class_of is None or allowed is None:
+        raise DataError("class_of and allowed go together: the class of each vertex, and which classes may meet")
+    of, meet = plain_array(class_of, "class_of"), plain_array(allowed, "allowed")
+    if of.shape != (vertex_count,) or not np.issubdtype(of.dtype, np.integer):
+        raise DataError(f"class_of must be integers [{vertex_count}], got {of.dtype} {list(of.shape)}")
+    if meet.dtype != np.bool_ or meet.ndim != 2 or meet.shape[0] != meet.shape[1] or (meet != meet.T).any():
+        raise DataError(f"allowed must be a symmetric bool [c, c], got {meet.dtype} {list(meet.shape)}")
+    if of.size > 0 and not 0 <= of.min() <= of.max() < len(meet):
+        raise DataError(f"class_of must hold classes from 0 to {len(meet) - 1}, got {of.min()} to {of.max()}")
+    for name, pieces in (("triangles", triangles), ("edges", edges)):
+        mixed = (of[pieces] != of[pieces[:, :1]]).any(axis=1)
+        if mixed.any():
+            row = int(np.argmax(mixed))
+            raise DataError(f"{name}: the vertices of row {row} are of different classes: {of[pieces[row]].tolist()}")
+    return None if meet.all() else Classes(of.astype(np.int32), np.ascontiguousarray(meet))
+
+
 def labels_of_filter(fixed: ArrayLike | None, group: ArrayLike | None, vertex_count: int) -> Ids | None:
     """One label per vertex such that exactly the pairs of equal labels are left out; None if no pair is.
 
@@ -101,3 +141,11 @@ def ranges_of_objects(objects: Mapping[str, int] | None, vertex_count: int) -> l
             f" {vertex_count}; got {dict(objects)}"
         )
     return list(zip(objects, [0, *ends[:-1]], ends, strict=True))
+
+
+def objects_of_vertices(objects: list[tuple[str, int, int]], vertex_count: int) -> Ids:
+    """The number of the object that each vertex is in, int32 [n]; all in one where none are named."""
+    numbers = np.zeros(vertex_count, np.int32)
+    for number, (_, first, end) in enumerate(objects):
+        numbers[first:end] = number
+    return numbers

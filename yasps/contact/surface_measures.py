@@ -13,10 +13,10 @@ from yasps import Attribute, FloatArray, Mesh, Primitive, PrimitiveBase
 from yasps.contact.active_set import Ids
 from yasps.contact.collision_geometry import CollisionGeometry
 
-EDGE_SHARE = 1e-3
-"""Share of its area with which an edge of triangles takes part. Vertices and triangles carry the integral; pairs of
-edges keep edges from crossing, and would count flat interfaces several times: two like meshes have 7 crossings a
-vertex."""
+FLAT_SHARE = 1e-2
+"""Share of its area with which an edge between two triangles in one plane takes part. Vertices and triangles carry the
+integral; where surfaces are flat, pairs of edges would count it several times: two like meshes have 7 crossings a
+vertex. They only keep edges from crossing there. Sharp edges touch each other with no vertex near, and take part."""
 
 
 def add_surface_points(
@@ -56,14 +56,15 @@ class SurfaceMeasures:
             "rest_corners", through=faces.add_connectivity("corners", points, triangles, 3), source=rest
         )
         a, b, c = corners
-        area = faces.add_attribute("rest_area", computed_attribute=0.5 * (b - a).cross(c - a).norm())
+        normal = faces.add_attribute("rest_normal", computed_attribute=0.5 * (b - a).cross(c - a))
+        area = faces.add_attribute("rest_area", computed_attribute=normal.norm())
 
         lonely = np.flatnonzero(~_is_side(edges, triangles))
         is_point = edges[lonely, 0] == edges[lonely, 1]
         rods, loose = lonely[~is_point], lonely[is_point]
         self.edges = mesh.add_primitive("surface_edges", len(edges) + 1)
         point_area = _sum_of(self.points, "triangles", faces, triangles, area) / 3
-        edge_area = _sum_of(self.edges, "triangles", faces, _sides_of(edges, triangles), area) / 3 * EDGE_SHARE
+        edge_area = self._area_of_edges(faces, _sides_of(edges, triangles)) / 3
         if len(rods) > 0:
             rod = mesh.add_primitive("surface_rods", len(rods))
             start, end = rod.add_attribute(
@@ -82,6 +83,19 @@ class SurfaceMeasures:
             edge_area = edge_area + self.edges.add_constant("disc", 1, 1, value=of_edge)
         self.points.add_attribute("half_area", computed_attribute=0.5 * point_area)
         self.edges.add_attribute("half_area", computed_attribute=0.5 * edge_area)
+
+    def _area_of_edges(self, faces: Primitive, sides: NDArray[np.int64]) -> Attribute:
+        """The areas of each edge's triangles, or the share of them with which it takes part."""
+        area = _sum_of(self.edges, "triangles", faces, sides, faces["rest_area"])
+        normal = self.edges.add_attribute(
+            "normals", through=self.edges.triangles, source=faces["rest_normal"], operation="sum"
+        )
+        # (cos of half the angle between two triangles)^2, where they are equal; a rim is as sharp as an edge can be.
+        flat = normal.dot(normal) / (area * area + np.finfo(np.float64).tiny)
+        inside = self.edges.add_constant(
+            "inside", 1, 1, value=np.bincount(sides.ravel(), minlength=self.edges.num_instances) == 2
+        )
+        return area * (1 - (1 - FLAT_SHARE) * inside * flat)
 
 
 def _width(radii: FloatArray, reach: float) -> FloatArray:

@@ -1,4 +1,4 @@
-"""Time stepping by projected Newton with an intersection-free line search (Li et al. 2020, algorithm 1).
+"""Minimisation by projected Newton with an intersection-free line search (Li et al. 2020, algorithm 1).
 
 `minimize` finds a minimum of a scene's energy; `BackwardEuler` makes time steps of it. Both are short on purpose: copy
 and change them when your scene needs something else. The compiler knows nothing of them.
@@ -10,105 +10,37 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from yasps import (
     Attribute,
     FloatArray,
     NotConvergedError,
+    NotFiniteError,
     Scene,
     SceneError,
-    SolveOptions,
     advice_on,
     solve_newton_system,
-    solve_options,
 )
 from yasps.contact import BarrierContact, Candidates
-from yasps.frontend.language.arrays import in_instances, positive_number, real_numbers
-from yasps.frontend.language.in_scene import InScene
-from yasps.frontend.language.scene_lock import SceneLock, one_thread_at_a_time
+from yasps.frontend.language.arrays import positive_number
 from yasps.output import TimeTable
+from yasps.stepping.forces import Arms, ForceMeasure, checked_arms
+from yasps.stepping.motion import Motion, positions_of
+from yasps.stepping.settings import NewtonReport, NewtonSettings
 
 ROUNDING = 1e-15
 """Relative change of a total energy that is only rounding."""
 CURVED = 1e-10
 """Relative distance from its straight way beyond which a vertex moves on a curve, not by rounding."""
+INDISTINCT = 1e-10
+"""Change of the energy, in shares of the sum of the sizes of all terms, below which it may be rounding: terms of
+differences of positions, squared (inertia) or over small distances (barriers), lose several digits."""
+STILL_DOWNHILL = 0.8
+"""Share of the slope at the start that may be left, uphill, at the end of a step (1 - 2 delta of the approximate Wolfe
+conditions with delta = 0.1, Hager and Zhang 2005)."""
 WORTHWHILE = 1.5
 """Step beyond the Newton step below which a look at the energy there costs more than it brings."""
-
-
-@dataclass(frozen=True)
-class NewtonSettings:
-    """When to stop and how hard to try.
-
-    velocity_tolerance [m/s]: stop when the Newton direction moves no vertex by more than this times dt.
-    linear_tolerance: of the conjugate gradients, on the squared preconditioned norm (see Scene.minimize_energy).
-    longest_step: how far beyond the Newton step the line search may look, in its lengths; 1 to never do that.
-    solver, projection: see `SolveOptions`.
-    """
-
-    velocity_tolerance: float = 1e-2
-    max_iterations: int = 200
-    linear_tolerance: float = 1e-4
-    linear_max_iterations: int = 20_000
-    shortest_step: float = 2.0**-40
-    longest_step: float = 4.0
-    solver: str = "pcg"
-    projection: str = "always"
-
-    def __post_init__(self) -> None:
-        """Raises DataError for options of the linear solver that can't be."""
-        _ = self.linear
-
-    @property
-    def linear(self) -> SolveOptions:
-        """The options of every linear solve."""
-        return solve_options(
-            self.linear_tolerance, self.linear_max_iterations, solver=self.solver, projection=self.projection
-        )
-
-
-@dataclass
-class NewtonReport:
-    """What one minimisation took."""
-
-    iterations: int = 0
-    cg_iterations: int = 0
-    contacts: int = 0
-    energy: float = np.nan
-    largest_velocity: float = np.inf
-    """Largest vertex displacement of the last Newton direction over dt [m/s]."""
-    step_lengths: list[float] = field(default_factory=list)
-    projected: int = 0
-    """Iterations whose Hessian was projected."""
-    direct_solves: int = 0
-    """Iterations whose system a direct solver took."""
-
-
-class Motion:
-    """Current values of the targets, moved along one direction at a time."""
-
-    def __init__(self, scene: Scene) -> None:
-        self.targets = scene.minimize_targets
-        self.start = self.read()
-
-    def read(self) -> list[FloatArray]:
-        """Copies of all targets' values, flat."""
-        return [target.value for target in self.targets]
-
-    def write(self, values: Sequence[FloatArray]) -> None:
-        """Sets all targets."""
-        for target, value in zip(self.targets, values, strict=True):
-            target.update_value(value)
-
-    def move(self, directions: Sequence[FloatArray], step: float) -> None:
-        """Sets all targets to start - step * direction (the solution of H x = g points uphill)."""
-        self.write([start - step * x for start, x in zip(self.start, directions, strict=True)])
-
-
-def positions_of(attributes: Sequence[Attribute]) -> FloatArray:
-    """Positions of the vertices of several 3x1 attributes, [n, 3]."""
-    return np.concatenate([attribute.compute().array.reshape(-1, 3) for attribute in attributes])
 
 
 def minimize(
@@ -119,14 +51,21 @@ def minimize(
     contact: BarrierContact | None = None,
     settings: NewtonSettings = NewtonSettings(),
     times: TimeTable | None = None,
+    arms: Arms | None = None,
+    fixed: Mapping[Attribute, ArrayLike] | None = None,
 ) -> NewtonReport:
     """Moves the scene's targets to a minimum of its energy, without intersections on the way.
 
     positions: 3x1 attributes whose movement is measured (and, with contact, bounded; they are contact.position then).
+    arms: of targets that are no positions, how far at most a vertex moves for a unit of the target [m], so that their
+    gradients are forces, too; 1 m where nothing is said. fixed: target -> which of its instances stay as they are,
+    bool [instances].
+
     Each step is bounded by CCD and halved until the energy does not grow (but for rounding), or made longer where the
-    energy shows that it is too short. Stops when the Newton direction moves no vertex by settings.velocity_tolerance *
-    time_step; that last direction is still taken, in the same way, but where no step along it is found that is no
-    error.
+    energy shows that it is too short. Stops when all tolerances of the settings hold: of velocity, when the Newton
+    direction moves no vertex by settings.velocity_tolerance * time_step; of force, when no more is left of the gradient
+    after the step. That last direction is still taken, in the same way, but where no step along it is found that is no
+    error if the forces hold already.
 
     Raises IntersectionError, before anything is changed, if positions were changed from outside since the last call
     and something is in the way (see `BarrierContact.check_way`). Raises NotConvergedError after
@@ -136,7 +75,10 @@ def minimize(
     time_step = positive_number(time_step, "time_step", "s", SceneError)
     measured = [contact.position] if contact is not None else list(positions)
     with scene.lock:
-        return _Minimization(scene, measured, time_step, contact, settings, times or TimeTable()).run()
+        unknowns = scene.compile().unknowns_of(fixed) if fixed else None
+        forces = ForceMeasure(scene.minimize_targets, checked_arms(arms, scene))
+        times = times or TimeTable()
+        return _Minimization(scene, measured, time_step, contact, settings, times, forces, unknowns).run()
 
 
 @dataclass
@@ -149,7 +91,13 @@ class _Minimization:
     contact: BarrierContact | None
     settings: NewtonSettings
     times: TimeTable
+    forces: ForceMeasure
+    fixed: NDArray[np.bool_] | None = None
     report: NewtonReport = field(default_factory=NewtonReport)
+    rounding: float = 0.0
+    """Differences of energies that may be only rounding [J]; known where forces are asked for."""
+    stands_still: bool = False
+    """Whether the last direction moves no vertex by more than positions are rounded."""
 
     def positions(self) -> FloatArray:
         with self.times.stage("positions"):
@@ -163,10 +111,21 @@ class _Minimization:
 
     def energy(self) -> float:
         with self.times.stage("energy"):
-            return self.scene.total_energy()
+            if not self.settings.asks_for_forces:
+                return self.scene.total_energy()
+            values = self.scene.energy_values().values()
+            size = float(sum(np.abs(one).sum() for one in values))
+            if np.isfinite(size):
+                self.rounding = INDISTINCT * size
+            return float(sum(one.sum() for one in values))
+
+    def gradient(self) -> FloatArray:
+        """Gradient where the targets are now."""
+        with self.times.stage("residual forces"):
+            return self.scene.compile().assemble(hessian=False, fixed=self.fixed)
 
     def run(self) -> NewtonReport:
-        """Newton iterations until the direction is short."""
+        """Newton iterations until all tolerances hold."""
         report, settings = self.report, self.settings
         here = self.positions()
         if self.contact is not None:
@@ -185,17 +144,46 @@ class _Minimization:
             way = there - here
             longest = float(np.sqrt(np.einsum("ij,ij->i", way, way).max(initial=0.0)))
             report.largest_velocity = longest / self.time_step
-            is_last = report.largest_velocity < settings.velocity_tolerance
-            here, report.energy = _LineSearch(self, motion, directions, here, there).run(slope, is_last)
+            self.stands_still = longest <= 4 * np.finfo(np.float64).eps * float(np.abs(here).max(initial=0.0))
+            is_short = settings.velocity_tolerance is None or report.largest_velocity < settings.velocity_tolerance
+            here, report.energy = _LineSearch(self, motion, directions, here, there).run(slope, is_short)
             if self.contact is not None:
                 self.contact.accept(here)
-            if is_last:
+            if is_short and self.forces_hold():
                 return report
             if report.iterations >= settings.max_iterations:
                 raise NotConvergedError(
                     f"no convergence in {settings.max_iterations} Newton iterations: the last direction still moved a "
-                    f"vertex at {report.largest_velocity:.3g} m/s (tolerance {settings.velocity_tolerance:.3g})"
+                    f"vertex at {report.largest_velocity:.3g} m/s (tolerance {settings.velocity_tolerance}). "
+                    + self.forces_left()
                 )
+
+    def forces_hold(self) -> bool:
+        """Measures what is left of the forces where the targets are now; whether that is little enough."""
+        report, settings = self.report, self.settings
+        with self.times.stage("residual forces"):
+            of_energies = self.scene.compile().gradients().values()
+            if self.fixed is not None:
+                for one in of_energies:
+                    one[self.fixed] = 0.0
+            report.largest_force = max((self.forces.largest(one) for one in of_energies), default=0.0)
+            report.residual_force = self.forces.largest(sum(of_energies, start=np.zeros(1)))
+        return (settings.force_tolerance is None or report.residual_force <= settings.force_tolerance) and (
+            settings.relative_force_tolerance is None
+            or report.relative_residual_force <= settings.relative_force_tolerance
+            or self.stands_still  # where nothing acts but rounding, forces are no share of any
+        )
+
+    def forces_left(self) -> str:
+        """What is left of the forces where the targets are now, for messages."""
+        gradient = self.gradient()
+        largest, place = self.forces.largest(gradient), self.forces.place_of_largest(gradient)
+        tolerances = [
+            f"{name} {value:.3g}"
+            for name in ("force_tolerance", "relative_force_tolerance")
+            if (value := getattr(self.settings, name)) is not None
+        ]
+        return f"The largest force left is {largest:.3g} N on {place} ({', '.join(tolerances) or 'not asked for'})"
 
     def _least_distance(self) -> str:
         if self.contact is None or len(self.contact.active) == 0:
@@ -206,7 +194,7 @@ class _Minimization:
     def direction(self) -> tuple[list[FloatArray], float]:
         """x of H x = g for every target, and how fast the energy falls along -x at first, g . x."""
         compiled, settings = self.scene.compile(), self.settings
-        solution = solve_newton_system(compiled, settings.linear, stages=self.times)
+        solution = solve_newton_system(compiled, settings.linear, stages=self.times, fixed=self.fixed)
         solved = solution.report
         self.report.cg_iterations += solved.iterations + solution.wasted_iterations
         self.report.projected += solution.projected
@@ -246,21 +234,39 @@ class _LineSearch:
         step = self.free_step(1.0)
         while step > settings.shortest_step:
             energy = self.energy_after(step)
-            if energy <= start + ROUNDING * abs(start):
-                if step == 1.0 and not is_last:
+            if self.is_lower(start, energy, slope):
+                if step == 1.0 and not is_last and not self.is_below_rounding(slope):
                     step, energy = self.go_further(energy, slope)
                 report.step_lengths.append(step)
                 return self.now, energy
             step /= 2
         self.motion.write(self.motion.start)
         self.newton.find_contacts(self.before)
-        if is_last:
+        if is_last and self.newton.forces_hold():
             return self.before, start
         raise NotConvergedError(
             f"Newton iteration {report.iterations}: no step along the Newton direction lowers the energy "
             f"{start:.6g} J (the direction moves a vertex at {report.largest_velocity:.3g} m/s); a smaller "
-            "linear_tolerance or a larger velocity_tolerance may help"
+            f"linear_tolerance or a larger tolerance may help. {self.newton.forces_left()}"
         )
+
+    def is_below_rounding(self, fall: float) -> bool:
+        """Whether the energy can't tell. Where nobody asks for forces that does not matter."""
+        return self.newton.settings.asks_for_forces and abs(fall) <= self.newton.rounding
+
+    def is_lower(self, start: float, energy: float, slope: float) -> bool:
+        """Whether the targets, moved along the direction, have no more energy than at the start.
+
+        Where the difference is rounding and forces are asked for, the slope decides (approximate Wolfe conditions,
+        Hager and Zhang 2005, eq. 4.2): of a convex energy it says the same, to more digits.
+        """
+        if not self.is_below_rounding(energy - start):
+            return energy <= start + (0.0 if self.newton.settings.asks_for_forces else ROUNDING * abs(start))
+        try:
+            there = float((np.concatenate(self.directions) * self.newton.gradient()).sum())
+        except NotFiniteError:
+            return False
+        return there >= -STILL_DOWNHILL * slope
 
     def go_further(self, energy: float, slope: float) -> tuple[float, float]:
         """Step and energy after trying one step beyond 1.
@@ -308,129 +314,6 @@ class _LineSearch:
             if curved and self.bound(self.now) < 1.0:
                 return np.inf
             self.newton.find_contacts(self.now, self.candidates)
+            if self.newton.contact.active.overlaps:
+                return np.inf
         return self.newton.energy()
-
-
-@dataclass(frozen=True)
-class MovingPart:
-    """Vertices with inertia: `predicted` is the constant x_n + dt v_n of their inertia energy; both 3x1; mass [kg]."""
-
-    position: Attribute
-    predicted: Attribute
-    mass: Attribute
-
-
-def _of_one_instance(acceleration: ArrayLike, target: Attribute) -> FloatArray:
-    """The acceleration of a target, flat."""
-    what = f"the acceleration of {target.path}"
-    return in_instances(real_numbers(acceleration, what), 1, target.shape, what).reshape(-1)
-
-
-class BackwardEuler(InScene):
-    """Steps a scene through time; the scene's energies must include `materials.inertia` of every part.
-
-    accelerations: target -> uniform acceleration [m/s^2] of that target in free flight (gravity for positions and
-    translations; nothing for matrices). The first guess of a step, x_n + dt v_n + dt^2 a, is then the exact solution
-    for bodies that fly freely. It is only taken where no pair is close at x_n, no collision is on the way and the
-    energy is lower than at x_n.
-    """
-
-    def __init__(
-        self,
-        scene: Scene,
-        parts: Sequence[MovingPart],
-        time_step: float,
-        contact: BarrierContact | None = None,
-        *,
-        accelerations: Mapping[Attribute, ArrayLike] | None = None,
-        settings: NewtonSettings = NewtonSettings(),
-        times: TimeTable | None = None,
-    ) -> None:
-        time_step = positive_number(time_step, "time_step", "s", SceneError)
-        self.scene = scene
-        self.parts = list(parts)
-        self.time_step = time_step
-        self.contact = contact
-        self.settings = settings
-        self.times = times or TimeTable()
-        self.time = 0.0
-        self.velocities = [np.zeros((part.position.owner.num_instances, 3)) for part in parts if part.position.owner]
-        self._accelerations = {
-            target: _of_one_instance(acceleration, target) for target, acceleration in (accelerations or {}).items()
-        }
-        self._target_velocities = [np.zeros_like(target.value) for target in scene.minimize_targets]
-
-    @property
-    def _lock(self) -> SceneLock:
-        return self.scene.lock
-
-    @one_thread_at_a_time
-    def step(self) -> NewtonReport:
-        """One time step.
-
-        Raises IntersectionError, before anything is changed, if positions were changed from outside since the last step
-        and something is in the way; after a deliberate jump, call contact.reset(). Raises NotConvergedError; the
-        targets then have the last accepted values.
-        """
-        dt = self.time_step
-        if self.contact is not None:
-            self.contact.check_way()
-        old_targets = Motion(self.scene).start
-        old_positions = [positions_of([part.position]) for part in self.parts]
-        for part, x, v in zip(self.parts, old_positions, self.velocities, strict=True):
-            part.predicted.update_value(x + dt * v)
-        self._take_first_guess(old_targets)
-        moving = [part.position for part in self.parts]
-        report = minimize(self.scene, moving, dt, contact=self.contact, settings=self.settings, times=self.times)
-        for k, (part, x) in enumerate(zip(self.parts, old_positions, strict=True)):
-            self.velocities[k] = (positions_of([part.position]) - x) / dt
-        new_targets = Motion(self.scene).start
-        self._target_velocities = [(new - old) / dt for new, old in zip(new_targets, old_targets, strict=True)]
-        self.time += dt
-        return report
-
-    def _take_first_guess(self, old_targets: list[FloatArray]) -> None:
-        """Moves the targets along free flight if nothing is close, nothing collides and the energy gets lower."""
-        dt = self.time_step
-        guess = []
-        for target, old, velocity in zip(
-            self.scene.minimize_targets, old_targets, self._target_velocities, strict=True
-        ):
-            acceleration = self._accelerations.get(target)
-            flight = old + dt * velocity
-            if acceleration is not None:
-                flight = flight + dt * dt * np.tile(acceleration, old.size // acceleration.size)
-            guess.append(flight)
-        motion = Motion(self.scene)
-        with self.times.stage("first guess"):
-            if self.contact is not None:
-                before = self.contact.positions()
-                if len(self.contact.update(before)) > 0:
-                    return  # resting on something, it would fall into it: of 94 such guesses in a drop none was taken
-            energy = self.scene.total_energy()
-            motion.write(guess)
-            free = True
-            if self.contact is not None:
-                after = self.contact.positions()
-                step, candidates = self.contact.free_step(before, after)
-                free = step == 1.0
-                if free:
-                    self.contact.update(after, candidates)
-            if not (free and self.scene.total_energy() < energy):
-                motion.write(old_targets)
-            elif self.contact is not None:
-                self.contact.accept(after)
-
-    def kinetic_energy(self) -> float:
-        """Sum of m v^2 / 2 over all parts [J]."""
-        total = 0.0
-        for part, v in zip(self.parts, self.velocities, strict=True):
-            total += 0.5 * float(part.mass.value @ (v * v).sum(axis=1))
-        return total
-
-    def momentum(self) -> FloatArray:
-        """Sum of m v over all parts [kg m/s], [3]."""
-        total = np.zeros(3)
-        for part, v in zip(self.parts, self.velocities, strict=True):
-            total += part.mass.value @ v
-        return total

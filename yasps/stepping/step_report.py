@@ -8,7 +8,8 @@ import numpy as np
 
 from yasps import FloatArray, Scene
 from yasps.contact import ContactForces
-from yasps.stepping.newton import BackwardEuler, NewtonReport
+from yasps.stepping.backward_euler import BackwardEuler
+from yasps.stepping.settings import NewtonReport
 
 ELASTIC = ("elastic", "membrane", "bending", "orthogonality")
 """Names of the energies that bodies of `yasps.bodies` have of their material."""

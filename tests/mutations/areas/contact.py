@@ -10,6 +10,8 @@ FOLLOW = (f"{VALUES}::test_pairs_follow_the_vertices",)
 GEOMETRY = "tests/contact/test_collision_geometry.py"
 POTENTIAL = (f"{GEOMETRY}::test_active_set_reproduces_ipctk_barrier_potential",)
 IMPROVED = "tests/contact/test_improved_max.py"
+THICKNESS = "tests/contact/test_thickness.py"
+POINTS = "tests/contact/test_loose_points.py"
 MOTION = "tests/contact/test_collision_motion.py"
 KEPT = (f"{MOTION}::test_kept_candidates_find_what_ipctk_finds_anew",)
 SAFE = (f"{MOTION}::test_step_bounds_are_ipctks_and_safe", f"{GEOMETRY}::test_step_bound_stops_before_the_ground")
@@ -19,11 +21,13 @@ FRICTION = "yasps/contact/friction.py"
 SLIPS = "tests/contact/test_friction.py"
 SLIDING = (f"{SLIPS}::test_static_and_kinetic_friction_against_quadrature",)
 CLOSEST = ("tests/contact/test_kinds.py::test_closest_points_and_tangent_planes",)
-CODE, PAIRS, NEAR, MAX = (
+CODE, PAIRS, NEAR, MAX, ENTRY, THICK = (
     "yasps/contact/barrier_contact.py",
     "runtime/collision/close_pairs.cpp",
     "runtime/collision/near_pairs.cpp",
     "runtime/collision/improved_max.h",
+    "runtime/collision/close_entry.h",
+    "runtime/collision/thickness.h",
 )
 
 MUTATIONS = (
@@ -127,14 +131,14 @@ MUTATIONS = (
     ),
     Mutation(
         "other ends stay where two points are exchanged",
-        PAIRS,
+        ENTRY,
         "if (b < a) std::swap(a, b), std::swap(a_other, b_other);",
         "if (b < a) std::swap(a, b);",
         IPCTK,
     ),
     Mutation(
         "the other end of a mollified edge is the end itself",
-        PAIRS,
+        ENTRY,
         "own[end], edge[0], edge[1], own[1 - end]);",
         "own[end], edge[0], edge[1], own[end]);",
         POTENTIAL,
@@ -155,14 +159,14 @@ MUTATIONS = (
     ),
     Mutation(
         "the side of a triangle from its last corner leads to the second",
-        PAIRS,
+        ENTRY,
         "corner[k == 2 ? 0 : k + 1]);",
         "corner[k == 2 ? 1 : k + 1]);",
         POTENTIAL,
     ),
     Mutation(
         "the vertices of an edge pair count as mollified where they are not",
-        PAIRS,
+        ENTRY,
         "const bool mollified = square(cross(p[1] - p[0], p[3] - p[2])) < threshold;",
         "const bool mollified = square(cross(p[1] - p[0], p[3] - p[2])) < 10 * threshold;",
         POTENTIAL,
@@ -242,15 +246,15 @@ MUTATIONS = (
     Mutation(
         "all edges count as those of closed surfaces",
         MAX,
-        "const int share = 1 - static_cast<int>(next - k);",
-        "const int share = -1;",
+        "const int own = 1 - static_cast<int>(next - k);",
+        "const int own = -1;",
         (IMPROVED,),
     ),
     Mutation(
         "corners at the rim count as those inside a surface",
         MAX,
-        "const int share = around_[corner];",
-        "const int share = 1;",
+        "if (corner.around != 0) {",
+        "if ((corner.around = 1) != 0) {",
         (IMPROVED,),
     ),
     Mutation(
@@ -262,10 +266,59 @@ MUTATIONS = (
     ),
     Mutation(
         "edge pairs with improved max are merged",
-        PAIRS,
-        "std::equal(a.edges, a.edges + 2, b.edges);",
-        "std::equal(a.edges, a.edges, b.edges);",
+        ENTRY,
+        "std::equal(a.edges, a.edges + 2, b.edges) &&",
+        "std::equal(a.edges, a.edges, b.edges) &&",
         (IMPROVED,),
+    ),
+    Mutation(
+        "edges have the largest share of their triangles'",
+        MAX,
+        "share = std::min(share, sides_[next].share);",
+        "share = std::max(share, sides_[next].share);",
+        (f"{THICKNESS}::test_energy_is_continuous_where_the_closest_feature_changes",),
+    ),
+    Mutation(
+        "boxes are no larger by the radii",
+        "runtime/collision/collision_tree.h",
+        "const f4 around = f4{} + static_cast<float>(radius);",
+        "const f4 around = f4{} + 0 * static_cast<float>(radius);",
+        (THICKNESS,),
+    ),
+    Mutation(
+        "a tenth of the distance is kept, not of the gap",
+        "runtime/collision/time_apart.h",
+        "const double keep = offset + kKept * gap,",
+        "const double keep = kKept * distance,",
+        (THICKNESS,),
+    ),
+    Mutation(
+        "pieces of one object keep their whole thickness",
+        THICK,
+        "if (objects[v[0]] != objects[v[split]]) return 1;",
+        "if (objects[v[0]] != objects[v[split]] || v[0] >= 0) return 1;",
+        (THICKNESS,),
+    ),
+    Mutation(
+        "radii inside a triangle are those of its first corner",
+        THICK,
+        "if (r[1] == r[2] && r[1] == r[3]) return r[1];",
+        "if (r[1] >= 0) return r[1];",
+        (THICKNESS,),
+    ),
+    Mutation(
+        "points do not meet each other",
+        NEAR,
+        "(!search(s.points, s.points, s.edge_edge) || !search",
+        "(!search",
+        (f"{POINTS}::test_pairs_of_many_points_are_all_that_are_near",),
+    ),
+    Mutation(
+        "classes that do not meet are found",
+        NEAR,
+        "if (!scene.may_meet(first[0], second[0])) return true;",
+        "if (!scene.may_meet(first[0], first[0])) return true;",
+        ("tests/contact/test_contact_classes.py",),
     ),
     Mutation(
         "friction's potential with half its cubic term",
@@ -287,20 +340,6 @@ MUTATIONS = (
         "slip.norm() / width - 1 / (KINETIC_FROM - 1)",
         "slip.norm() / width",
         (f"{SLIPS}::test_all_static_friction_is_there_before_it_falls",),
-    ),
-    Mutation(
-        "the normal force of the logarithm with its support squared",
-        FRICTION,
-        "(2 * d / support) * ((1 - tau)",
-        "(2 * d / reach) * ((1 - tau)",
-        (f"{SLIPS}::test_normal_force_of_the_log_barrier",),
-    ),
-    Mutation(
-        "the normal force of the paper's barrier by the squared distance",
-        FRICTION,
-        "4 * strength * d * gap",
-        "2 * strength * gap",
-        (f"{SLIPS}::test_normal_force_of_the_papers_barrier",),
     ),
     Mutation(
         "friction of the sum of both ways instead of their difference",

@@ -8,12 +8,16 @@ SEARCH = "tests/stepping/test_line_search.py"
 VELOCITIES = "tests/stepping/test_velocities.py"
 FALL = (f"{VELOCITIES}::test_free_fall",)
 SPRING = (f"{VELOCITIES}::test_a_spring_follows_the_recurrence",)
+FORCES = "tests/stepping/test_forces.py"
+FIXED = ("tests/frontend/execution/test_fixed_unknowns.py::test_the_solution_is_that_of_the_reduced_system",)
 CODE = "yasps/stepping/newton.py"
+MOTION = "yasps/stepping/motion.py"
+EULER = "yasps/stepping/backward_euler.py"
 
 MUTATIONS = (
     Mutation(
         "the Newton step goes uphill",
-        CODE,
+        MOTION,
         "start - step * x for start, x in",
         "start + step * x for start, x in",
         FALL,
@@ -21,8 +25,8 @@ MUTATIONS = (
     Mutation(
         "the line search accepts growth",
         CODE,
-        "if energy <= start + ROUNDING * abs(start):",
-        "if energy <= start + abs(start):",
+        "energy <= start + (0.0 if self.newton.settings.asks_for_forces else ROUNDING * abs(start))",
+        "energy <= start + abs(start)",
         (f"{SEARCH}::test_a_step_that_raises_the_energy_is_halved",),
     ),
     Mutation(
@@ -69,58 +73,107 @@ MUTATIONS = (
     ),
     Mutation(
         "velocities are displacements",
-        CODE,
+        EULER,
         "self.velocities[k] = (positions_of([part.position]) - x) / dt",
         "self.velocities[k] = positions_of([part.position]) - x",
         FALL,
     ),
     Mutation(
         "velocities are those of the first part",
-        CODE,
+        EULER,
         "self.velocities[k] = (positions_of([part.position]) - x) / dt",
         "self.velocities[k] = (positions_of([self.parts[0].position])[: len(x)] - x) / dt",
         FALL,
     ),
     Mutation(
         "inertia is predicted without velocity",
-        CODE,
+        EULER,
         "part.predicted.update_value(x + dt * v)",
         "part.predicted.update_value(x)",
         FALL,
     ),
     Mutation(
         "the first guess falls by dt a",
-        CODE,
+        EULER,
         "flight = flight + dt * dt * np.",
         "flight = flight + dt * np.",
         FALL,
     ),
     Mutation(
         "the first guess forgets the velocity",
-        CODE,
+        EULER,
         "flight = old + dt * velocity",
         "flight = old",
         FALL,
     ),
     Mutation(
         "velocities of targets are displacements",
-        CODE,
-        "self._target_velocities = [(new - old) / dt for",
-        "self._target_velocities = [(new - old) for",
+        EULER,
+        "self.target_velocities = [(new - old) / dt for",
+        "self.target_velocities = [(new - old) for",
         FALL,
     ),
     Mutation(
         "the kinetic energy has no half",
-        CODE,
+        EULER,
         "total += 0.5 * float(part.mass.value @ (v * v).sum(axis=1))",
         "total += float(part.mass.value @ (v * v).sum(axis=1))",
         FALL,
     ),
     Mutation(
         "the momentum has no mass",
-        CODE,
+        EULER,
         "total += part.mass.value @ v",
         "total += v.sum(axis=0)",
         FALL,
+    ),
+    Mutation(
+        "where the energy is rounding any step will do",
+        CODE,
+        "return there >= -STILL_DOWNHILL * slope",
+        "return True",
+        (f"{FORCES}::test_where_the_energy_is_all_rounding_the_slope_decides",),
+    ),
+    Mutation(
+        "the residual force is that before the last step",
+        CODE,
+        "if is_short and self.forces_hold():\n                return report",
+        "if is_short and report.residual_force >= 0:\n                return report",
+        (f"{FORCES}::test_forces_fall_to_rounding_and_are_those_of_the_accepted_state",),
+    ),
+    Mutation(
+        "torques count as forces",
+        "yasps/stepping/forces.py",
+        "most, start = max(most, norm / self.arms.get(target, 1.0)), end",
+        "most, start = max(most, norm), end",
+        (f"{FORCES}::test_torques_are_forces_over_the_arm",),
+    ),
+    Mutation(
+        "one of two tolerances is enough",
+        CODE,
+        "report.residual_force <= settings.force_tolerance) and (",
+        "report.residual_force <= settings.force_tolerance) or (",
+        (f"{FORCES}::test_a_relative_tolerance_is_one_of_the_largest_force_of_an_energy",),
+    ),
+    Mutation(
+        "only rows of fixed unknowns are left out",
+        "runtime/matrix/block_matrix.py",
+        "np.flatnonzero(fixed[group.rows] | fixed[group.cols])",
+        "np.flatnonzero(fixed[group.rows])",
+        FIXED,
+    ),
+    Mutation(
+        "fixed unknowns have no diagonal",
+        "runtime/matrix/block_matrix.py",
+        "= np.eye(group.r, group.c)",
+        "= 0.0",
+        FIXED,
+    ),
+    Mutation(
+        "the gradient of fixed unknowns is kept",
+        "frontend/execution/compiled_scene.py",
+        "            gradient[fixed] = 0.0\n",
+        "",
+        FIXED,
     ),
 )

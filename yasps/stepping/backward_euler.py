@@ -1,0 +1,271 @@
+"""Time steps of backward Euler, each by `minimize`."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from yasps import Attribute, FloatArray, Scene, SceneError, YaspsError
+from yasps.contact import BarrierContact, ContactPast
+from yasps.frontend.language.arrays import in_instances, positive_number, real_numbers
+from yasps.frontend.language.in_scene import InScene
+from yasps.frontend.language.scene_lock import SceneLock, one_thread_at_a_time
+from yasps.output import TimeTable
+from yasps.stepping.arrival import Arrival
+from yasps.stepping.driven import Driven
+from yasps.stepping.forces import Arms, ForceMeasure, checked_arms
+from yasps.stepping.motion import Motion, positions_of
+from yasps.stepping.newton import minimize
+from yasps.stepping.settings import NewtonReport, NewtonSettings
+
+LOGGER = logging.getLogger("yasps")
+
+LAGGING = ("once", "converged")
+"""How friction is lagged in a step."""
+LAGGING_PASSES = 30
+"""Passes after the first before the stepper gives up on friction that settles."""
+
+
+@dataclass(frozen=True)
+class MovingPart:
+    """Vertices with inertia: `predicted` is the constant x_n + dt v_n of their inertia energy; both 3x1; mass [kg]."""
+
+    position: Attribute
+    predicted: Attribute
+    mass: Attribute
+
+
+@dataclass(frozen=True)
+class StepperState:
+    """What a step of `BackwardEuler` changes: values of targets, velocities of parts and targets, what driven
+    vertices say of themselves, what contact remembers, and the time."""
+
+    targets: list[FloatArray]
+    velocities: list[FloatArray]
+    target_velocities: list[FloatArray]
+    driven: list[tuple[Any, ...]]
+    contact: ContactPast | None
+    time: float
+
+
+def _of_one_instance(acceleration: ArrayLike, target: Attribute) -> FloatArray:
+    """The acceleration of a target, flat."""
+    what = f"the acceleration of {target.path}"
+    return in_instances(real_numbers(acceleration, what), 1, target.shape, what).reshape(-1)
+
+
+class BackwardEuler(InScene):
+    """Steps a scene through time; the scene's energies must include `materials.inertia` of every part.
+
+    accelerations: target -> uniform acceleration [m/s^2] of that target in free flight (gravity for positions and
+    translations; nothing for matrices). The first guess of a step, x_n + dt v_n + dt^2 a, is then the exact solution
+    for bodies that fly freely. It is only taken where no pair is close at x_n, no collision is on the way and the
+    energy is lower than at x_n. arms: see `minimize`.
+
+    lagging: normal forces, closest points and tangent planes of friction are those at the beginning of the step
+    ("once"); or, in passes, those of where the last pass ended, until they change nothing any more ("converged"). That
+    is not sure to happen; the report says whether it did.
+
+    `driven`: vertices that are prescribed (see `Driven`); `immovable`: of all vertices of the contact, which no target
+    moves, [n]; `driven_tolerance` [m]: how near vertices that can't be set must come to their places.
+    """
+
+    def __init__(
+        self,
+        scene: Scene,
+        parts: Sequence[MovingPart],
+        time_step: float,
+        contact: BarrierContact | None = None,
+        *,
+        accelerations: Mapping[Attribute, ArrayLike] | None = None,
+        settings: NewtonSettings = NewtonSettings(),
+        times: TimeTable | None = None,
+        arms: Arms | None = None,
+        lagging: str = "once",
+    ) -> None:
+        if lagging not in LAGGING:
+            raise SceneError(f"lagging is one of {', '.join(map(repr, LAGGING))}, got {lagging!r}")
+        time_step = positive_number(time_step, "time_step", "s", SceneError)
+        self.scene = scene
+        self.parts = list(parts)
+        self.time_step = time_step
+        self.contact = contact
+        self.settings = settings
+        self.times = times or TimeTable()
+        self.arms = checked_arms(arms, scene)
+        self.lagging = lagging
+        self.time = 0.0
+        self.driven: list[Driven] = []
+        self.driven_tolerance = 1e-9
+        self.immovable = np.zeros(0 if contact is None else len(contact.positions()), np.bool_)
+        self.velocities = [np.zeros((part.position.owner.num_instances, 3)) for part in parts if part.position.owner]
+        self._accelerations = {
+            target: _of_one_instance(acceleration, target) for target, acceleration in (accelerations or {}).items()
+        }
+        self.target_velocities = [np.zeros_like(target.value) for target in scene.minimize_targets]
+
+    @property
+    def _lock(self) -> SceneLock:
+        return self.scene.lock
+
+    @one_thread_at_a_time
+    def step(self, until: float | None = None) -> NewtonReport:
+        """One time step. until: if it is a part of one that ends later, when that does [s].
+
+        Raises IntersectionError, before anything is changed, if positions were changed from outside since the last step
+        and something is in the way; after a deliberate jump, call contact.reset(). Raises NotConvergedError; the
+        targets then have the last accepted values. Where vertices are driven, nothing has moved after any error.
+        """
+        dt = self.time_step
+        if self.contact is not None:
+            self.contact.start_step()
+        old_targets = Motion(self.scene).start
+        old_positions = [positions_of([part.position]) for part in self.parts]
+        for part, x, v in zip(self.parts, old_positions, self.velocities, strict=True):
+            part.predicted.update_value(x + dt * v)
+        report = self._solve(old_targets, self.time + dt if until is None else until)
+        for k, (part, x) in enumerate(zip(self.parts, old_positions, strict=True)):
+            self.velocities[k] = (positions_of([part.position]) - x) / dt
+        new_targets = Motion(self.scene).start
+        self.target_velocities = [(new - old) / dt for new, old in zip(new_targets, old_targets, strict=True)]
+        self.time += dt
+        return report
+
+    def _solve(self, old_targets: list[FloatArray], until: float) -> NewtonReport:
+        """Moves the targets to the end of the step."""
+        if not self.driven:
+            self.take_first_guess(old_targets)
+            return self.minimize()
+        before = self.save()
+        try:
+            return Arrival(self, old_targets, until).run()
+        except YaspsError:
+            self.load(before)
+            raise
+
+    def minimize(self, fixed: Mapping[Attribute, ArrayLike] | None = None) -> NewtonReport:
+        """One minimisation, with these instances of targets fixed; with lagging="converged" as many as that takes."""
+        report = self._minimize_once(fixed)
+        if self.contact is None or self.contact.friction is None or self.lagging == "once":
+            return report
+        for passes in range(1, LAGGING_PASSES + 1):
+            self.contact.lag()
+            # That nothing is left to do with the new lag, the forces say, or a direction that moves nothing any more.
+            if self.settings.asks_for_forces and self._forces_hold(report, fixed):
+                return replace(report, lagging_passes=passes, lag_converged=True)
+            again = self._minimize_once(fixed)
+            report = report.followed_by(again)
+            if not self.settings.asks_for_forces and again.iterations == 1:
+                return replace(report, lagging_passes=passes + 1, lag_converged=True)
+        LOGGER.warning(
+            "friction at t = %.6g s is not settled after %d lagging passes: normal forces still change; the step is"
+            " that of the last pass",
+            self.time + self.time_step,
+            LAGGING_PASSES + 1,
+        )
+        return replace(report, lagging_passes=LAGGING_PASSES + 1, lag_converged=False)
+
+    def _minimize_once(self, fixed: Mapping[Attribute, ArrayLike] | None) -> NewtonReport:
+        return minimize(
+            self.scene,
+            [part.position for part in self.parts],
+            self.time_step,
+            contact=self.contact,
+            settings=self.settings,
+            times=self.times,
+            arms=self.arms,
+            fixed=fixed,
+        )
+
+    def _forces_hold(self, report: NewtonReport, fixed: Mapping[Attribute, ArrayLike] | None) -> bool:
+        """Whether the forces that are left now are within the tolerances of force."""
+        compiled, settings = self.scene.compile(), self.settings
+        gradient = compiled.assemble(hessian=False, fixed=compiled.unknowns_of(fixed) if fixed else None)
+        left = ForceMeasure(self.scene.minimize_targets, self.arms).largest(gradient)
+        relative = settings.relative_force_tolerance
+        return left <= min(
+            np.inf if settings.force_tolerance is None else settings.force_tolerance,
+            np.inf if relative is None else relative * report.largest_force,
+        )
+
+    def take_first_guess(
+        self, old_targets: list[FloatArray], fixed: Mapping[Attribute, NDArray[np.bool_]] | None = None
+    ) -> None:
+        """Moves the targets, but for fixed instances, along free flight if nothing collides and the energy gets lower.
+        Where something is close, only with friction, and as if there were no gravity."""
+        with self.times.stage("first guess"):
+            touches = self.contact is not None and len(self.contact.update()) > 0
+            if touches and (self.contact is None or self.contact.friction is None):
+                return  # resting on something, it would fall into it: of 94 such guesses in a drop none was taken
+            motion = Motion(self.scene)
+            # What touches something goes on sliding. From rest, friction would be as stiff as that of things which
+            # stick, and Newton's steps too short to tell by them how far the end is.
+            guess = self._flight(old_targets, falls=not touches)
+            for target, start, flight in zip(motion.targets, motion.start, guess, strict=True):
+                if fixed and target in fixed:
+                    stays = np.repeat(fixed[target], target.shape[0] * target.shape[1])
+                    flight[stays] = start[stays]
+            before = None if self.contact is None else self.contact.positions()
+            energy = self.scene.total_energy()
+            motion.write(guess)
+            free = True
+            if self.contact is not None and before is not None:
+                after = self.contact.positions()
+                step, candidates = self.contact.free_step(before, after)
+                free = step == 1.0 and not self.contact.update(after, candidates).overlaps
+            if not (free and self.scene.total_energy() < energy):
+                motion.write(motion.start)
+            elif self.contact is not None:
+                self.contact.accept(after)
+
+    def _flight(self, old_targets: list[FloatArray], *, falls: bool) -> list[FloatArray]:
+        """The targets after a step with the velocities that they have; falls: also with their accelerations."""
+        dt, flights = self.time_step, []
+        for target, old, velocity in zip(self.scene.minimize_targets, old_targets, self.target_velocities, strict=True):
+            flight = old + dt * velocity
+            acceleration = self._accelerations.get(target)
+            if falls and acceleration is not None:
+                flight = flight + dt * dt * np.tile(acceleration, old.size // acceleration.size)
+            flights.append(flight)
+        return flights
+
+    def save(self) -> StepperState:
+        """All that a step changes."""
+        return StepperState(
+            Motion(self.scene).start,
+            [velocity.copy() for velocity in self.velocities],
+            [velocity.copy() for velocity in self.target_velocities],
+            [one.save() for one in self.driven],
+            None if self.contact is None else self.contact.save(),
+            self.time,
+        )
+
+    def load(self, state: StepperState) -> None:
+        """Puts everything back."""
+        Motion(self.scene).write(state.targets)
+        self.velocities = [velocity.copy() for velocity in state.velocities]
+        self.target_velocities = [velocity.copy() for velocity in state.target_velocities]
+        for one, saved in zip(self.driven, state.driven, strict=True):
+            one.load(saved)
+        self.time = state.time
+        if self.contact is not None and state.contact is not None:
+            self.contact.load(state.contact)
+
+    def kinetic_energy(self) -> float:
+        """Sum of m v^2 / 2 over all parts [J]."""
+        total = 0.0
+        for part, v in zip(self.parts, self.velocities, strict=True):
+            total += 0.5 * float(part.mass.value @ (v * v).sum(axis=1))
+        return total
+
+    def momentum(self) -> FloatArray:
+        """Sum of m v over all parts [kg m/s], [3]."""
+        total = np.zeros(3)
+        for part, v in zip(self.parts, self.velocities, strict=True):
+            total += part.mass.value @ v
+        return total

@@ -1,0 +1,100 @@
+"""When Newton's method stops, and what it says afterwards."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from yasps import DataError, SolveOptions, solve_options
+
+
+@dataclass(frozen=True)
+class NewtonSettings:
+    """When to stop and how hard to try. All tolerances that are given must hold; one of the first two is needed.
+
+    velocity_tolerance [m/s]: stop when the Newton direction moves no vertex by more than this times dt.
+    force_tolerance [N]: stop when no vertex (or other instance of a target, see `minimize`) is pulled by more than
+    this, all energies together. relative_force_tolerance: the same in shares of the largest force of any one energy.
+    linear_tolerance: of the conjugate gradients, on the squared preconditioned norm (see Scene.minimize_energy).
+    longest_step: how far beyond the Newton step the line search may look, in its lengths; 1 to never do that.
+    solver, projection: see `SolveOptions`.
+    """
+
+    velocity_tolerance: float | None = 1e-2
+    max_iterations: int = 200
+    linear_tolerance: float = 1e-4
+    linear_max_iterations: int = 20_000
+    shortest_step: float = 2.0**-40
+    longest_step: float = 4.0
+    solver: str = "pcg"
+    projection: str = "always"
+    force_tolerance: float | None = None
+    relative_force_tolerance: float | None = None
+
+    def __post_init__(self) -> None:
+        """Raises DataError for tolerances that can't be, for none at all, and for options of the linear solver that
+        can't be."""
+        _ = self.linear
+        for name in ("velocity_tolerance", "force_tolerance", "relative_force_tolerance"):
+            given = getattr(self, name)
+            if given is not None and not given > 0:
+                raise DataError(f"{name} must be a positive number, or None if it is not asked for, got {given!r}")
+        if self.velocity_tolerance is None and not self.asks_for_forces:
+            raise DataError("Newton's method needs a tolerance: velocity_tolerance, force_tolerance or both")
+
+    @property
+    def asks_for_forces(self) -> bool:
+        """Whether forces decide when to stop."""
+        return self.force_tolerance is not None or self.relative_force_tolerance is not None
+
+    @property
+    def linear(self) -> SolveOptions:
+        """The options of every linear solve."""
+        return solve_options(
+            self.linear_tolerance, self.linear_max_iterations, solver=self.solver, projection=self.projection
+        )
+
+
+@dataclass
+class NewtonReport:
+    """What one minimisation took, or one time step."""
+
+    iterations: int = 0
+    cg_iterations: int = 0
+    contacts: int = 0
+    energy: float = np.nan
+    largest_velocity: float = np.inf
+    """Largest vertex displacement of the last Newton direction over dt [m/s]."""
+    step_lengths: list[float] = field(default_factory=list)
+    projected: int = 0
+    """Iterations whose Hessian was projected."""
+    direct_solves: int = 0
+    """Iterations whose system a direct solver took."""
+    residual_force: float = np.nan
+    """Largest force on a vertex, or other instance of a target, that was left at the end [N]: the gradient of all
+    energies at the accepted state. It bounds what any force read there can be wrong by."""
+    largest_force: float = np.nan
+    """Largest force of any one energy on any one vertex there [N]."""
+    lagging_passes: int = 1
+    """How often the energy was minimised, with the normal forces of friction taken from where the last time ended."""
+    lag_converged: bool | None = None
+    """Whether friction is balanced by normal forces of the end itself; None where nobody asked."""
+    substeps: int = 1
+    """Into how many parts the time step was cut (see `Simulation`)."""
+
+    @property
+    def relative_residual_force(self) -> float:
+        """`residual_force` over `largest_force`; 0 where nothing acts."""
+        return self.residual_force / self.largest_force if self.residual_force else 0.0
+
+    def followed_by(self, other: NewtonReport) -> NewtonReport:
+        """Of both together: work adds up, the end is that of the other."""
+        return replace(
+            other,
+            iterations=self.iterations + other.iterations,
+            cg_iterations=self.cg_iterations + other.cg_iterations,
+            step_lengths=[*self.step_lengths, *other.step_lengths],
+            projected=self.projected + other.projected,
+            direct_solves=self.direct_solves + other.direct_solves,
+        )
