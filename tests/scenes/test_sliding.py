@@ -10,12 +10,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from closed_forms import creep_speed, pressure_over_stiffness, relative_gap, speeds
-from scene_shapes import SLOPE, block, slope_directions, slope_mesh
+from scene_shapes import SLOPE, block, lower_areas, point_areas, slope_directions, slope_mesh
 
 from yasps import Scene
 from yasps.bodies import AffineBody, HalfSpace, Obstacle, SoftBody
 from yasps.contact import ContactTable
-from yasps.meshes import TetrahedralMesh
 from yasps.simulation import Simulation
 from yasps.stepping import NewtonSettings
 
@@ -32,12 +31,12 @@ def on_plane(
 ) -> tuple[Simulation, AffineBody | SoftBody]:
     """A unit cube that lies on a plane of that slope, at the gap at which the barrier bears its weight."""
     normal, _ = slope_directions(angle)
-    pressure = DENSITY * GRAVITY * np.cos(angle)
-    stiffness = 0.1 * MODULUS[kind]
-    # Over a plane of two large triangles only one side of the pair counts: half the weights, twice the pressure.
-    gap = DISTANCE * relative_gap(pressure * (1.0 if plane == "half-space" else 2.0), stiffness)
     shape = block((1.0, 1.0, 1.0))
-    shape = TetrahedralMesh(shape.vertices, shape.tets).rotated((0.0, 1.0, 0.0), angle).translated(gap * normal)
+    weight = DENSITY * GRAVITY * np.cos(angle)
+    # Over a plane of two large triangles only one side of the pair counts: half the weights, twice the pressure.
+    area = point_areas(shape)[lower_areas(shape) > 0].sum() * (1.0 if plane == "half-space" else 0.5)
+    gap = DISTANCE * relative_gap(weight / area, 0.1 * MODULUS[kind])
+    shape = shape.rotated((0.0, 1.0, 0.0), angle).translated(gap * normal)
     scene = Scene("sliding", threads=1)
     make = SoftBody if kind == "soft" else AffineBody
     body = make(scene, "block", shape, density=DENSITY, youngs_modulus=MODULUS[kind])
