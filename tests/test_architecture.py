@@ -35,7 +35,7 @@ KIT_ROOMS = {
     "output": set[str](),
     "contact": {"meshes"},
     "bodies": {"materials", "meshes", "contact"},
-    "stepping": {"contact", "output"},
+    "stepping": {"materials", "contact", "output"},
     "simulation": {"materials", "meshes", "output", "contact", "bodies", "stepping"},
 }
 INSIDE = {

@@ -289,7 +289,7 @@ def test_a_hinge_in_numpys_words_is_what_numpy_computes() -> None:
 def test_every_python_block_is_run() -> None:
     """Whoever writes one more writes a test of it."""
     shown = {name.name: len(re.findall(r"```python", name.read_text(encoding="utf-8"))) for name in DOCUMENTS}
-    run = {"README.md": 1, "architecture.md": 1, "contact-and-stepping.md": 3, "gpu.md": 1, "language.md": 6}
+    run = {"README.md": 1, "architecture.md": 1, "contact-and-stepping.md": 4, "gpu.md": 1, "language.md": 6}
     assert {name: count for name, count in shown.items() if count} == run
 
 
@@ -335,8 +335,18 @@ def test_the_report_of_kernels_runs(capsys: pytest.CaptureFixture[str]) -> None:
     assert lines[-1].startswith("link ")
 
 
+def test_the_contact_table_says_what_is_said() -> None:
+    table, *_ = blocks(STEPPING, "python")
+    names: dict[str, Any] = {}
+    exec(table, names)
+    contacts = names["contacts"]
+    assert contacts.entry("ground", "cube") == (0.5, 0.4, 2e4, True)
+    assert contacts.entry("cube", "cloth")[3] is False
+    assert contacts.entry("cloth", "ground") == (0.3, 0.3, None, True)
+
+
 def test_overlaps_are_taken_away(capsys: pytest.CaptureFixture[str]) -> None:
-    code, *_ = blocks(STEPPING, "python")
+    _, code, *_ = blocks(STEPPING, "python")
     exec(code, {})
     before, after = capsys.readouterr().out.splitlines()
     promised = re.findall(r"# (.*?) ?\.\.\.$", code, re.MULTILINE)
@@ -345,7 +355,7 @@ def test_overlaps_are_taken_away(capsys: pytest.CaptureFixture[str]) -> None:
 
 
 def test_the_cube_drops_and_drifts() -> None:
-    _, code, _ = blocks(STEPPING, "python")
+    *_, code, _ = blocks(STEPPING, "python")
     names: dict[str, object] = {}
     exec(code + "\nmoved = (cube.positions() - cube.rest).mean(axis=0)", names)
     moved = names["moved"]

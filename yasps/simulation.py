@@ -7,6 +7,7 @@ in the next line.
 
 from __future__ import annotations
 
+import logging
 import tempfile
 import time
 from collections.abc import Callable, Iterable, Mapping, Sequence
@@ -17,13 +18,38 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import ArrayLike
 
-from yasps import Attribute, Primitive, Scene, SceneError, ShapeMismatchError, YaspsError, materials
-from yasps.bodies import Body, HalfSpace
+from yasps import (
+    Attribute,
+    ConnectivityError,
+    Scene,
+    SceneError,
+    ShapeMismatchError,
+    UnsupportedSceneError,
+    YaspsError,
+    materials,
+)
+from yasps.bodies import Body, HalfSpace, MovingObstacle
 from yasps.contact import BarrierContact, ContactForces, ContactTable, check_start, contact_forces
-from yasps.frontend.language.arrays import real_numbers
+from yasps.frontend.language.arrays import positive_number, real_numbers
 from yasps.meshes.tetrahedral_mesh import Float64Array
 from yasps.output import FrameProgress, TimeTable
-from yasps.stepping import BackwardEuler, MovingPart, NewtonReport, NewtonSettings, StepReport, step_report
+from yasps.stepping import (
+    Anchors,
+    BackwardEuler,
+    Driven,
+    DrivenSurface,
+    DrivenVertices,
+    MovingPart,
+    NewtonReport,
+    NewtonSettings,
+    Pins,
+    Prescribed,
+    StepReport,
+    step_or_halves,
+    step_report,
+)
+
+LOGGER = logging.getLogger("yasps")
 
 PIN_STIFFNESS = 1e3
 """Stiffness of a pin, in masses of its body over the squared time step: a body that hangs on one sinks by
@@ -41,26 +67,13 @@ class Recorder(Protocol):
         """Notes the state as it is now."""
 
 
-class Pins:
-    """Vertices of one body that are held at places by stiff springs."""
-
-    def __init__(self, primitive: Primitive) -> None:
-        self.primitive = primitive
-
-    def move_to(self, places: ArrayLike) -> None:
-        """Other places [m], [n, 3], for the next step. Raises DataError."""
-        self.primitive["place"].update_value(places)
-
-    def release(self) -> None:
-        """Lets go of all vertices; nothing is compiled again."""
-        self.primitive.update(vertex=np.empty((0, 1), np.int32), place=np.empty((0, 3)), stiffness=np.empty(0))
-
-
 @dataclass(frozen=True)
 class _ContactOptions:
     table: ContactTable
     barrier: str
     stiffness: float | None
+    eps_v: float
+    lagging: str
 
 
 class Simulation:
@@ -72,7 +85,8 @@ class Simulation:
     contact_stiffness: see `BarrierContact`; by default "log", with a tenth of the softer body's modulus [Pa]; for
     "paper" 10 N over the cubed activation distance [J/m^4]. velocities: body -> velocity at the start [m/s], one or one
     for each vertex. settings: of Newton's method; by default the tolerance is a tenth of the activation distance a
-    step, at most 2e-3 m/s.
+    step, at most 2e-3 m/s, with friction at most a tenth of eps_v. eps_v: speed below which things with friction stick
+    [m/s]. lagging: see `BackwardEuler`.
 
     `gravity` is a constant of the scene that can be changed between steps; `before_step` and `after_step` are lists of
     functions that are called with the simulation.
@@ -92,6 +106,8 @@ class Simulation:
         contacts: ContactTable | None = None,
         barrier: str = "log",
         contact_stiffness: float | None = None,
+        eps_v: float = 1e-3,
+        lagging: str = "once",
         velocities: Mapping[Body, ArrayLike] | None = None,
         settings: NewtonSettings | None = None,
         times: TimeTable | None = None,
@@ -105,10 +121,21 @@ class Simulation:
         self._last: NewtonReport | None = None
         self._has_contact = contact
         self._given = (activation_distance, settings)
-        self._contact_options = _ContactOptions(contacts or ContactTable(), barrier, contact_stiffness)
+        self._contact_options = _ContactOptions(
+            contacts or ContactTable(),
+            barrier,
+            contact_stiffness,
+            positive_number(eps_v, "eps_v", "m/s", SceneError),
+            lagging,
+        )
         self._predicted: dict[Body, Attribute] = {}
         self._fields: list[tuple[Body, ForceField, str]] = []
-        self._unions = self._pins = 0
+        self._unions = 0
+        self._drives: dict[Body, DrivenSurface] = {}
+        self._driven: list[Driven] = []
+        """All that is driven, obstacles and pins."""
+        self.rescue = 3
+        """A time step that fails is tried again in two halves, and these in halves, so many times."""
         self.contact: BarrierContact | None = None
         if not time_step > 0:
             raise SceneError(f"time_step must be positive, got {time_step} s")
@@ -176,6 +203,14 @@ class Simulation:
     def _take(self, body: Body) -> None:
         """Inertia and gravity of a body."""
         self.bodies.append(body)
+        if isinstance(body, MovingObstacle):
+            if self.scene.is_on_device:
+                raise UnsupportedSceneError(f"{body.name} moves, which is for the CPU only: take device='cpu'")
+            self._drives[body] = DrivenSurface(body, float(self.time_step.value[0]))
+            self._driven.append(self._drives[body])
+            self.scene.add_minimize_target(body.progress)
+            if body.energies[0] not in self.scene.energies:
+                self.scene.add_energy(body.energies[0])
         if body.is_fixed:
             return
         vertices = body.vertices
@@ -195,8 +230,13 @@ class Simulation:
     def _forget(self, body: Body) -> None:
         self.bodies.remove(body)
         self._fields = [field for field in self._fields if field[0] is not body]
+        if isinstance(body, MovingObstacle):
+            self._driven.remove(self._drives.pop(body))
+            self.scene.remove_energy(body.energies[0])
+            self.scene.remove_minimize_target(body.progress)
         if body.is_fixed:
             return
+        self._driven[:] = [driven for driven in self._driven if driven.position is not body.position]
         for energy in (body.vertices["inertia"], body.vertices["gravity"], *body.energies):
             self.scene.remove_energy(energy)
         self.scene.remove_minimize_target(list(body.targets))
@@ -215,6 +255,18 @@ class Simulation:
                     self.scene.remove_energy(energy)
             self.contact = contact
         time_step = float(self.time_step.value[0])
+        options = self._contact_options
+        tolerance = min(2e-3, 0.1 * activation_distance / time_step)
+        if self.contact is not None and self.contact.friction is not None:
+            tolerance = min(tolerance, 0.1 * options.eps_v)
+            if settings is not None and (settings.velocity_tolerance or 0.0) > 0.1 * options.eps_v:
+                LOGGER.warning(
+                    "friction: the velocity tolerance, %.3g m/s, is more than a tenth of eps_v, %.3g m/s, the speed"
+                    " below which things stick: whether they do is left to chance",
+                    settings.velocity_tolerance,
+                    options.eps_v,
+                )
+        now = self.time
         self.stepper = BackwardEuler(
             self.scene,
             [MovingPart(body.position, self._predicted[body], body.mass) for body in self.moving],
@@ -222,11 +274,17 @@ class Simulation:
             self.contact,
             accelerations={target: self.gravity.value for body in self.moving for target in body.falling},
             # Newton stops well inside the activation distance, or contact forces would be left half-balanced.
-            settings=settings
-            or NewtonSettings(velocity_tolerance=min(2e-3, 0.1 * activation_distance / time_step), max_iterations=500),
+            settings=settings or NewtonSettings(velocity_tolerance=tolerance, max_iterations=500),
+            lagging=options.lagging,
             times=self.times,
             arms={target: arm for body in self.moving for target, arm in body.arms.items()},
         )
+        self.stepper.time = now
+        self.stepper.driven = self._driven
+        self.stepper.driven_tolerance = 1e-6 * activation_distance
+        if self.contact is not None:
+            still = [body.is_fixed and body not in self._drives for body in self.bodies if len(body.rest)]
+            self.stepper.immovable = np.repeat(still, [len(body.rest) for body in self.bodies if len(body.rest)])
         for body, velocity in velocities.items():
             if body in self.bodies:
                 self.set_velocity(body, velocity)
@@ -258,9 +316,10 @@ class Simulation:
             table=options.table,
             moduli={body.name: body.contact_modulus for body in self.bodies},
             planes=[body.plane for body in self.bodies if isinstance(body, HalfSpace)],
-            fixed=np.repeat([body.is_fixed for body in bodies], counts),
+            fixed=np.repeat([body.is_fixed and body not in self._drives for body in bodies], counts),
             group=np.repeat(groups, counts),
             objects={body.name: len(body.rest) for body in bodies},
+            slip_length=self.time_step * options.eps_v,
         )
 
     def _number_of(self, body: Body) -> int:
@@ -273,6 +332,8 @@ class Simulation:
     def velocity_of(self, body: Body) -> Float64Array:
         """Velocities of a body's vertices [m/s], [n, 3]; zero for a fixed one."""
         number = self._number_of(body)
+        if body in self._drives:
+            return self._drives[body].velocity.copy()
         return np.zeros((len(body.rest), 3)) if number < 0 else self.stepper.velocities[number].copy()
 
     def set_velocity(self, body: Body, velocity: ArrayLike, angular: ArrayLike = (0.0, 0.0, 0.0)) -> None:
@@ -295,27 +356,62 @@ class Simulation:
     def _motion(self) -> dict[Body, Float64Array]:
         return {body: self.velocity_of(body) for body in self.moving}
 
-    def pin(self, body: Body, vertices: Iterable[int], stiffness: float | None = None) -> Pins:
-        """Holds vertices of a body where they are, by springs of this stiffness [N/m] (default: so stiff that the whole
-        body on one pin sinks by gravity * time_step^2 / 1000).
+    # -- what is driven ------------------------------------------------------------------------------------
 
-        The first pins of a scene are one more energy and compile; moving and releasing pins does not.
-        Raises SceneError, ConnectivityError for vertices that are not there.
+    def _add_anchors(self, body: Body) -> Anchors:
+        """Springs that hold nothing yet."""
+        number = 1
+        while f"pins_{number}" in body.mesh:
+            number += 1
+        anchors = Anchors(body.mesh, f"pins_{number}", body.vertices)
+        body.add_energy(anchors.energy)
+        return anchors
+
+    def pin(
+        self,
+        body: Body,
+        vertices: Iterable[int],
+        stiffness: float | None = None,
+        *,
+        motion: Prescribed | None = None,
+    ) -> Pins | DrivenVertices:
+        """Holds vertices of a body exactly where they are, or moves them as `motion` says: see `MovingObstacle`.
+        Vertices of affine bodies come to their places within a millionth of the activation distance.
+
+        stiffness [N/m]: by springs instead, which give way. On a GPU there are springs alone, by default so stiff that
+        the whole body on one pin sinks by gravity * time_step^2 / 1000.
+
+        The first pins of a body are one more energy and compile; moving and releasing pins does not. Raises SceneError,
+        ConnectivityError for vertices that are not there, DataError or ShapeMismatchError for positions.
         """
         if self._number_of(body) < 0:
             raise SceneError(f"{body.name} is fixed already")
         chosen = np.asarray(list(vertices), dtype=np.int64)
-        if stiffness is None:
-            stiffness = PIN_STIFFNESS * float(body.mass.value.sum()) / float(self.time_step.value[0]) ** 2
-        self._pins += 1
-        pins = body.mesh.add_primitive(f"pins_{self._pins}", 0, is_dynamic=True)
-        vertex = pins.add_connectivity("vertex", body.vertices, [], 1)
-        x = pins.add_attribute("position", through=vertex, source=body.position)
-        place, strength = pins.add_constant("place", 3, 1), pins.add_constant("stiffness", 1, 1)
-        body.add_energy(pins.add_attribute("anchor", computed_attribute=materials.anchor(x, place, strength)))
-        places = body.positions()[chosen]
-        pins.update(vertex=chosen.reshape(-1, 1), place=places, stiffness=np.full(len(chosen), stiffness))
-        return Pins(pins)
+        bad = (chosen < 0) | (chosen >= len(body.rest))
+        if bad.any():
+            raise ConnectivityError(f"{body.name} has vertices 0 to {len(body.rest) - 1}, got {chosen[bad][0]} to pin")
+        if stiffness is not None or self.scene.is_on_device:
+            if motion is not None:
+                raise SceneError("springs have no motion: move them by pins.move_to(places), or leave stiffness out")
+            if stiffness is None:
+                stiffness = PIN_STIFFNESS * float(body.mass.value.sum()) / float(self.time_step.value[0]) ** 2
+            anchors = self._add_anchors(body)
+            anchors.hold(chosen, body.positions()[chosen], stiffness)
+            return Pins(anchors)
+        for other in self._driven:
+            if other.position is body.position and not other.is_released and np.isin(chosen, other.vertices).any():
+                raise SceneError(f"some of these vertices of {body.name} are pinned already: release those pins first")
+        pins = DrivenVertices(
+            f"a pin of {body.name}",
+            body.position,
+            chosen,
+            self._add_anchors(body),
+            body.positions()[chosen] if motion is None else motion,
+            spacing=float(self.time_step.value[0]),
+            is_exact=body.position in self.scene.minimize_targets,
+        )
+        self._driven.append(pins)
+        return pins
 
     def add_force(self, body: Body, force: ArrayLike | ForceField = (0.0, 0.0, 0.0), name: str = "force") -> Attribute:
         """A force [N] on each vertex of a body; returns the attribute that holds it, 3x1. It compiles once.
@@ -352,7 +448,7 @@ class Simulation:
     @property
     def time(self) -> float:
         """Time that has passed [s]."""
-        return self.stepper.time
+        return self.stepper.time if hasattr(self, "stepper") else 0.0
 
     def energy(self) -> float:
         """Kinetic, elastic, gravitational and contact energy together [J]."""
@@ -363,19 +459,24 @@ class Simulation:
     def step(self) -> NewtonReport:
         """One time step.
 
-        A step that fails leaves the state as it was before it, and writes that state to a file; the error says where.
+        A step that fails with NotConvergedError or NotFiniteError is tried again in two halves, and these in halves,
+        up to `rescue` times (default 3: 8 parts); `substeps` of the report says how many parts it took, and the logger
+        `yasps` why. A step that fails altogether leaves the state as it was before it, and writes that state to a file;
+        the error says where.
         `restore(file)` and `step()` then fail again in the same way. Raises NotConvergedError, NotFiniteError,
         IntersectionError.
         """
         for call in self.before_step:
             call(self)
-        before = self.state()
+        before, past = self.state(), None if self.contact is None else self.contact.save()
         for body, field, name in self._fields:
             body.vertices[name].update_value(self._forces(body, field, name))
         try:
-            report = self.stepper.step()
+            report = step_or_halves(self.stepper, self._set_time_step, self.rescue)
         except YaspsError as error:
             self._set_state(before)
+            if self.contact is not None and past is not None:
+                self.contact.load(past)
             file = Path(tempfile.mkdtemp(prefix="yasps-")) / f"{self.scene.name}-step-{self.frame + 1}.npz"
             np.savez(file, allow_pickle=False, **before)
             error.add_note(
@@ -388,6 +489,11 @@ class Simulation:
         for call in self.after_step:
             call(self)
         return report
+
+    def _set_time_step(self, seconds: float) -> None:
+        """Another time step, for parts of one; nothing compiles for it."""
+        self.time_step.update_value(seconds)
+        self.stepper.time_step = seconds
 
     def run(self, frames: int, recorder: Recorder | None = None) -> list[NewtonReport]:
         """So many steps, with progress shown and intersections looked for after each. The recorder also sees the start.
@@ -460,6 +566,8 @@ class Simulation:
         """All that the next step depends on apart from the scene itself, by name."""
         numbers = {f"target/{target.path}": target.value for target in self.scene.minimize_targets}
         numbers |= {f"velocity/{body.name}": self.velocity_of(body) for body in self.moving}
+        numbers |= {f"place/{body.name}": body.positions() for body in self._drives}
+        numbers |= {f"multiplier/{k}": driven.multiplier.copy() for k, driven in enumerate(self._driven)}
         return numbers | {"time": np.array(self.time), "frame": np.array(float(self.frame))}
 
     def restore(self, file: str | Path) -> None:
@@ -477,6 +585,10 @@ class Simulation:
             target.update_value(state[f"target/{target.path}"])
         for number, body in enumerate(self.moving):
             self.stepper.velocities[number] = np.array(state[f"velocity/{body.name}"])
+        for body, surface in self._drives.items():
+            surface.put(state[f"place/{body.name}"])
+        for number, driven in enumerate(self._driven):
+            driven.multiplier = np.array(state[f"multiplier/{number}"])
         self.stepper.time, self.frame = float(state["time"]), int(state["frame"])
         if self.contact is not None:
             self.contact.reset()

@@ -127,7 +127,7 @@ def test_barrier_against_many_digits(radius: float) -> None:
             (np.array([[0.0, 0, 0], [2, 0, 0], [0, 2, 0]]), np.array([[0, 1, 2]], np.int32)),
             (np.array([[0.3, 0.3, height], [1.3, 0.3, 3.0], [0.3, 1.3, 3.0]]), np.array([[0, 1, 2]], np.int32)),
         )
-        scene, contact = scene_of(points, faces, dhat, radii=radius)
+        scene, contact = scene_of(points, faces, dhat, radii=radius, objects={"lower": 3, "upper": 3})
         assert len(contact.active.point_triangle) == len(contact.active) == 1
         area = 0.5 * areas_of(points, faces, contact.geometry.edges)[0][3]
         with mpmath.workdps(40):

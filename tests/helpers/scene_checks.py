@@ -8,7 +8,7 @@ import ipctk
 import numpy as np
 from numpy.typing import NDArray
 
-from yasps.bodies import Body, HalfSpace
+from yasps.bodies import Body, HalfSpace, MovingObstacle
 from yasps.simulation import Simulation
 
 Floats = NDArray[np.float64]
@@ -55,7 +55,9 @@ def least_distance_between_bodies(simulation: Simulation) -> float:
 
 def drive(simulation: Simulation, body: Body, places: Callable[[float], Floats]) -> None:
     """Moves an obstacle: its vertices are at places(time) [m] at the end of every step."""
-    simulation.drive(body, places)
+    assert isinstance(body, MovingObstacle)
+    assert body in simulation.bodies
+    body.motion = places
 
 
 def contact_forces_on(simulation: Simulation, body: Body) -> Floats:

@@ -8,7 +8,7 @@ from scene_checks import drive, surfaces_intersect
 from scene_shapes import block, disc, outside, turned
 
 from yasps import Scene, YaspsError
-from yasps.bodies import AffineBody, Body, HalfSpace, Obstacle, SoftBody
+from yasps.bodies import AffineBody, Body, HalfSpace, MovingObstacle, Obstacle, SoftBody
 from yasps.contact import ContactTable
 from yasps.meshes import TriangleMesh
 from yasps.simulation import Simulation
@@ -47,7 +47,7 @@ def press(speed: float, steps: int) -> None:
     scene = Scene("press", threads=1)
     shape = block((SIZE,) * 3, (2, 2, 2)).translated((0.0, 0.0, 5e-4))
     body = SoftBody(scene, "block", shape, youngs_modulus=1e5, poisson_ratio=0.3)
-    above = Obstacle(scene, "plate", plate(SIZE + 2e-3))
+    above = MovingObstacle(scene, "plate", plate(SIZE + 2e-3))
     simulation = simulate(scene, [body, above, HalfSpace(scene, "ground")], 0.3)
     drive(simulation, above, lambda time: above.rest - speed * time * UP)
     for step in range(1, steps + 1):
@@ -80,7 +80,7 @@ def turntable(friction: float, seconds: float) -> list[float]:
     scene = Scene("turntable", threads=1)
     shape = block((SIZE,) * 3).translated((RADIUS, 0.0, 9e-4))
     body = AffineBody(scene, "block", shape, youngs_modulus=1e7)
-    table = Obstacle(scene, "table", disc(1.5))
+    table = MovingObstacle(scene, "table", disc(1.5))
     simulation = simulate(scene, [body, table], friction)
     drive(simulation, table, lambda time: turned(table.rest, RATE * time))
     simulation.set_velocity(body, (0.0, RATE * RADIUS, 0.0), angular=(0.0, 0.0, RATE))
@@ -122,7 +122,7 @@ def test_a_plate_at_100_metres_a_second_takes_a_cube_along(kind: str) -> None:
         if kind == "affine"
         else SoftBody(scene, "block", shape, youngs_modulus=1e8)
     )
-    wall = Obstacle(scene, "plate", plate(0.3))
+    wall = MovingObstacle(scene, "plate", plate(0.3))
     simulation = simulate(scene, [body, wall], 0.3, gravity=0.0)
     drive(simulation, wall, lambda time: wall.rest + 100.0 * time * UP)
     for step in range(1, 4):
@@ -157,7 +157,7 @@ def test_an_obstacle_that_presses_through_a_body_into_another_obstacle_is_refuse
     scene = Scene("jammed", threads=1)
     shape = block((SIZE,) * 3).translated((0.0, 0.0, 5e-4))
     body = AffineBody(scene, "block", shape, youngs_modulus=1e8)
-    above, anvil = Obstacle(scene, "plate", plate(SIZE + 2e-3)), Obstacle(scene, "anvil", plate(-0.02))
+    above, anvil = MovingObstacle(scene, "plate", plate(SIZE + 2e-3)), Obstacle(scene, "anvil", plate(-0.02))
     simulation = simulate(scene, [body, above, anvil], 0.0)
     drive(simulation, above, lambda time: above.rest - 5.0 * time * UP)
     check_refused(simulation, [body, above], ("plate",))
@@ -167,7 +167,7 @@ def test_an_obstacle_that_runs_into_another_is_refused() -> None:
     """Nothing is between them; they are obstacles, and neither yields."""
     scene = Scene("obstacles", threads=1)
     body = AffineBody(scene, "block", block((SIZE,) * 3).translated((0.0, 0.0, 1.0)), youngs_modulus=1e8)
-    above, anvil = Obstacle(scene, "plate", plate(0.1)), Obstacle(scene, "anvil", plate(-0.02))
+    above, anvil = MovingObstacle(scene, "plate", plate(0.1)), Obstacle(scene, "anvil", plate(-0.02))
     simulation = simulate(scene, [body, above, anvil], 0.0)
     drive(simulation, above, lambda time: above.rest - 5.0 * time * UP)
     check_refused(simulation, [body, above], ("plate", "anvil"))

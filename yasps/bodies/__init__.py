@@ -8,7 +8,7 @@ an energy of one's own is added in the next line. Inertia, gravity and contact c
 from yasps.bodies.affine_body import AffineBody
 from yasps.bodies.body import Body
 from yasps.bodies.cloth import Cloth
-from yasps.bodies.obstacle import Ground, HalfSpace, Obstacle
+from yasps.bodies.obstacle import Ground, HalfSpace, MovingObstacle, Obstacle
 from yasps.bodies.soft_body import SoftBody
 
-__all__ = ["AffineBody", "Body", "Cloth", "Ground", "HalfSpace", "Obstacle", "SoftBody"]
+__all__ = ["AffineBody", "Body", "Cloth", "Ground", "HalfSpace", "MovingObstacle", "Obstacle", "SoftBody"]

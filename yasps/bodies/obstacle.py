@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 from numpy.typing import ArrayLike
 
@@ -24,8 +26,55 @@ class Obstacle(Body):
         super().__init__(scene, name, radius)
         self.rest, self.cells, self.triangles = shape.vertices, {"triangle": shape.triangles}, shape.triangles
         self.vertices = self.mesh.add_primitive("vertices", num_instances=len(shape.vertices))
-        self.vertices.add_constant("position", rows=3, cols=1, value=shape.vertices)
+        self._add_position(shape.vertices)
         self.vertices.add_constant("rest_position", rows=3, cols=1, value=shape.vertices)
+
+    def _add_position(self, positions: Float64Array) -> None:
+        self.vertices.add_constant("position", rows=3, cols=1, value=positions)
+
+
+class MovingObstacle(Obstacle):
+    """A surface that moves as it is told, whatever is in its way; a simulation moves it.
+
+    motion: where its vertices are [m]: a function of time [s] that gives [n, 3]; an array [steps + 1, n, 3], positions
+    at time 0 and at the end of each time step, the last ones from then on; an array [n, 3], where to be at the end of
+    the next step; or None, where `move_to` says. Vertices move straight within a step.
+
+    Within a step vertices are on the way from where they were: `vertices`: `start` [m], `way` [m], both constant, and
+    `position`, start + progress way. `course`: `progress`, a target from 0 to 1; `pull` [J] and `aim` of the energy
+    `push`, pull / 2 (progress - aim)^2.
+    """
+
+    meets_itself = False
+
+    def __init__(
+        self,
+        scene: Scene,
+        name: str,
+        shape: TriangleMesh,
+        *,
+        motion: Callable[[float], ArrayLike] | ArrayLike | None = None,
+        radius: ArrayLike = 0.0,
+    ) -> None:
+        """Adds the obstacle where the mesh lies. Raises NameTakenError, DataError."""
+        super().__init__(scene, name, shape, radius=radius)
+        self.motion = motion
+
+    def _add_position(self, positions: Float64Array) -> None:
+        self.course = self.mesh.add_primitive("course", num_instances=1)
+        self.progress = self.course.add_attribute("progress", rows=1, cols=1)
+        off = self.progress - self.course.add_constant("aim", 1, 1)
+        push = 0.5 * self.course.add_constant("pull", 1, 1) * off * off
+        self.add_energy(self.course.add_attribute("push", computed_attribute=push))
+        of_course = self.vertices.add_connectivity("of_course", self.course, np.zeros(len(positions), int), 1)
+        progress = self.vertices.add_attribute("progress", through=of_course, source=self.progress).reshape(1, 1)
+        start = self.vertices.add_constant("start", rows=3, cols=1, value=positions)
+        way = self.vertices.add_constant("way", rows=3, cols=1)
+        self.vertices.add_attribute("position", computed_attribute=start + progress * way)
+
+    def move_to(self, positions: ArrayLike) -> None:
+        """Where its vertices shall be at the end of the next step [m], [n, 3], instead of any other motion."""
+        self.motion = positions
 
 
 class Ground(Obstacle):

@@ -2,7 +2,7 @@
 
 from yasps.contact.active_set import ActiveSet, Pairs, PlanePairs
 from yasps.contact.barrier import BARRIERS, barrier, mollifier, paper_barrier
-from yasps.contact.barrier_contact import BarrierContact
+from yasps.contact.barrier_contact import BarrierContact, ContactPast
 from yasps.contact.collision_geometry import Candidates, CollisionGeometry, narrowest_gap
 from yasps.contact.contact_forces import ContactForces, ContactPairs, contact_forces
 from yasps.contact.contact_table import ContactTable
@@ -25,6 +25,7 @@ __all__ = [
     "ContactForces",
     "ContactPairs",
     "ContactParts",
+    "ContactPast",
     "ContactTable",
     "Flipped",
     "Kind",

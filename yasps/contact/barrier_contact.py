@@ -11,16 +11,17 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from yasps import Attribute, FloatArray, IntersectionError, Mesh, PrimitiveBase, PrimitiveUnion, SceneError
 from yasps.contact.active_set import ActiveSet, Ids, Pairs, PlanePairs
 from yasps.contact.barrier import BARRIERS
 from yasps.contact.collision_geometry import Candidates, CollisionGeometry
 from yasps.contact.contact_table import ContactLaws, ContactTable, laws_of
-from yasps.contact.friction import Friction, checked_slip_length
+from yasps.contact.friction import Friction, Lag, checked_slip_length
 from yasps.contact.half_spaces import HalfSpaces, Plane
 from yasps.contact.kinds import HALF_SPACE, KINDS
 from yasps.contact.pair_primitive import ContactParts, PairPrimitive
@@ -35,6 +36,14 @@ LOGGER = logging.getLogger("yasps")
 MARGIN = 0.25
 """Ways that leave another by less than this many activation distances share its candidates: a larger margin saves
 searches, but brings more pairs to measure at every trial step."""
+
+
+@dataclass(frozen=True)
+class ContactPast:
+    """What `BarrierContact` remembers of the past: the positions last accepted, [n, 3], and the lag of friction."""
+
+    accepted: FloatArray
+    lag: Lag | None
 
 
 class BarrierContact(InScene):
@@ -118,8 +127,12 @@ class BarrierContact(InScene):
             triangles,
             activation_distance,
             edges=edges,
+            points=points,
+            radii=thickness,
             fixed=fixed,
             group=group,
+            class_of=None if self.laws.enabled.all() else self.laws.class_of,
+            allowed=None if self.laws.enabled.all() else self.laws.enabled,
             objects=objects,
             improved_max=barrier != "paper",
             runtime=mesh.scene.runtime,
@@ -201,7 +214,22 @@ class BarrierContact(InScene):
         """Takes normal forces, closest points and tangent planes of friction from the present positions."""
         if self.friction is not None:
             positions = self.positions()
-            self.friction.lag(self.update(positions), positions, self.laws_of_pairs)
+            pairs = self.update(positions).kinds()
+            laws = {name: self.laws_of_pairs(name, of_kind) for name, of_kind in pairs.items()}
+            self.friction.take(positions, pairs, laws)
+
+    def save(self) -> ContactPast:
+        """What contact remembers of the past, for `load` after a step that failed."""
+        return ContactPast(self._accepted, None if self.friction is None else self.friction.save())
+
+    @one_thread_at_a_time
+    def load(self, past: ContactPast) -> None:
+        """Remembers what it did then: the positions last accepted, and what friction was lagged at. The vertices are
+        back where they were."""
+        self.update()
+        self.accept(past.accepted)
+        if self.friction is not None and past.lag is not None:
+            self.friction.load(past.lag)
 
     def accept(self, positions: FloatArray) -> None:
         """Notes that the vertices came to these positions [n, 3] on a way that was free of collisions."""
@@ -227,6 +255,12 @@ class BarrierContact(InScene):
                 " so by reset() of the contact"
             ) from error
         self.accept(where)
+
+    def check_free_way(self, start: FloatArray, end: FloatArray, *, only: NDArray[np.bool_] | None = None) -> None:
+        """Raises IntersectionError, with names, if something meets on the straight way from start to end [n, 3], from
+        where surfaces are apart. only: bool [n], of surface pieces those of these vertices alone."""
+        self.geometry.check_way(start, end, only=only)
+        self.half_spaces.check_free(end, self.geometry._name)
 
     @one_thread_at_a_time
     def reset(self) -> None:

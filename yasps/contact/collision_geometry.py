@@ -16,7 +16,7 @@ from dataclasses import dataclass
 from typing import Never
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from yasps import DataError, IntersectionError, SceneError
 from yasps.contact.active_set import ActiveSet, Floats, Ids, active_set_of
@@ -88,11 +88,11 @@ class CollisionGeometry(Uncopied):
         edges. `points` [p]: ids of loose vertices, in no triangle or edge, that meet triangles, those edges that are in
         no triangle, and each other. `radii` >= 0, one or [n]: surfaces are that thick at each vertex, on either
         side; see below. `fixed` [n] bool: vertices that no energy moves; no pair of only fixed vertices is reported.
-        `group` [n] int: no pair inside one group is reported; negative means no group. `class_of` [n] int, `allowed` [c, c]
-        bool: pairs of classes that are not allowed are neither reported nor do they cross. `objects`: name -> number of
-        vertices, in the order of the union; default: all are one. `improved_max`: entries of the active set have counts
-        and edges; a vertex counts at all triangles near it as often as at its nearest alone, once. `runtime`: loaded if
-        not given.
+        `group` [n] int: no pair inside one group is reported; negative means no group. `class_of` [n] int, `allowed`
+        [c, c] bool: pairs of classes that are not allowed are neither reported nor do they cross. `objects`: name ->
+        number of vertices, in the order of the union; default: all are one. `improved_max`: entries of the active set
+        have counts and edges; a vertex counts at all triangles near it as often as at its nearest alone, once.
+        `runtime`: loaded if not given.
 
         With radii, the gap of a pair is its distance less its offset, the sum of both radii where it is closest. Pairs
         are active, and steps are bounded, by the gap. Pairs of one object whose gap at rest is less than the activation
@@ -263,17 +263,21 @@ class CollisionGeometry(Uncopied):
             self._require_no_crossing(first, "start")
         return self._bound(first, last, candidates.pairs)
 
-    def check_way(self, start: ArrayLike, end: ArrayLike) -> None:
+    def check_way(self, start: ArrayLike, end: ArrayLike, *, only: NDArray[np.bool_] | None = None) -> None:
         """Raise IntersectionError, naming a pair that meets, if surfaces do on the straight way from `start` to `end`
         [n, 3].
 
         Surfaces may come as near each other as a thousandth of the activation distance, or half their smallest distance
-        at `start` where that is less. `start` must be free of intersections.
+        at `start` where that is less. `start` must be free of intersections. `only` [n]: pairs of these vertices alone.
         """
         first, last = self._checked(start, "start"), self._checked(end, "end")
         here, done, allowed = first, 0.0, 1e-3 * self.activation_distance
         while True:
             pairs = self.candidates(here, last, distance=0.0).pairs
+            if only is not None:
+                pairs = SurfacePairs(
+                    *(kind[only[kind].all(axis=1)] for kind in (pairs.edge_edge, pairs.vertex_triangle))
+                )
             step = self._bound(here, last, pairs)
             if step == 1.0:
                 return

@@ -7,10 +7,13 @@ the beginning of the step.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
 
 from yasps import Attribute, FloatArray, Mesh, SceneError, constant, maximum, select
-from yasps.contact.active_set import ActiveSet, Ids, Pairs
+from yasps.contact.active_set import Ids, Pairs
 from yasps.contact.contact_table import ContactLaws
 from yasps.contact.kinds import Kind
 from yasps.contact.pair_primitive import ContactParts, PairPrimitive
@@ -77,6 +80,16 @@ def checked_slip_length(slip_length: float | Attribute | None, mesh: Mesh) -> fl
     return slip_length
 
 
+@dataclass(frozen=True)
+class Lag:
+    """What friction is lagged at: positions of all vertices at the beginning of the step and when it was lagged,
+    [n, 3], and by kind the pairs that rub, with their laws."""
+
+    previous: FloatArray
+    positions: FloatArray
+    pairs: Mapping[str, tuple[Pairs, Ids]]
+
+
 class Friction:
     """Friction of all close pairs of a scene: for each kind a dynamic primitive, its name followed by `_friction`.
 
@@ -109,7 +122,7 @@ class Friction:
         self._lagged = points.add_constant("lagged_position", 3, 1, value=positions)
         self._previous = points.add_constant("previous_position", 3, 1, value=positions)
         self.primitives: dict[str, PairPrimitive] = {}
-        self._given: dict[str, Pairs] = {}
+        self._lag = Lag(positions, positions, {})
         for name, kind in kinds.items():
             pairs = PairPrimitive(parts, f"{name}_friction", kind, names_points=True)
             x = pairs.corners("positions", parts.vertices["position"])
@@ -129,16 +142,26 @@ class Friction:
 
     def start_step(self, previous: FloatArray) -> None:
         """Where all vertices are at the beginning of a step, [n, 3]: slips count from there."""
-        self._previous.update_value(previous)
+        self.load(replace(self._lag, previous=previous))
 
-    def lag(self, active: ActiveSet, positions: FloatArray, laws_of: Callable[[str, Pairs], Ids]) -> None:
-        """Takes normal forces, closest points and tangent planes from these positions [n, 3], and the pairs that are
-        close there. laws_of(kind, pairs): the number of the law of each pair."""
-        self._lagged.update_value(positions)
-        for name, pairs in active.kinds().items():
-            laws = laws_of(name, pairs)
-            rubs = self._laws.friction[laws] > 0
-            rubbing = pairs if rubs.all() else pairs.chosen(rubs)
-            if name not in self._given or not rubbing.same_as(self._given[name]):
-                self._given[name] = rubbing
-                self.primitives[name].update(rubbing, laws[rubs])
+    def take(self, positions: FloatArray, pairs: Mapping[str, Pairs], laws: Mapping[str, Ids]) -> None:
+        """Lags friction: takes normal forces, closest points and tangent planes from these positions [n, 3], and the
+        pairs that are close there, of which those rub whose law [n of the kind] has friction."""
+        rubs = {name: self._laws.friction[laws[name]] > 0 for name in pairs}
+        chosen = {name: (all_of.chosen(rubs[name]), laws[name][rubs[name]]) for name, all_of in pairs.items()}
+        self.load(replace(self._lag, positions=positions, pairs=chosen))
+
+    def save(self) -> Lag:
+        """What friction was lagged at, for `load`."""
+        return self._lag
+
+    def load(self, lag: Lag) -> None:
+        """Lags friction as it was. Costs next to nothing where pairs and positions are the same."""
+        old, self._lag = self._lag, lag
+        if not np.array_equal(old.previous, lag.previous):
+            self._previous.update_value(lag.previous)
+        if not np.array_equal(old.positions, lag.positions):
+            self._lagged.update_value(lag.positions)
+        for name, (pairs, laws) in lag.pairs.items():
+            if name not in old.pairs or not pairs.same_as(old.pairs[name][0]):
+                self.primitives[name].update(pairs, laws)

@@ -2,22 +2,33 @@
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
-from yasps import Attribute, FloatArray, Scene, SceneError
-from yasps.contact import BarrierContact
+from yasps import Attribute, FloatArray, Scene, SceneError, YaspsError
+from yasps.contact import BarrierContact, ContactPast
 from yasps.frontend.language.arrays import in_instances, positive_number, real_numbers
 from yasps.frontend.language.in_scene import InScene
 from yasps.frontend.language.scene_lock import SceneLock, one_thread_at_a_time
 from yasps.output import TimeTable
-from yasps.stepping.forces import Arms, checked_arms
+from yasps.stepping.arrival import Arrival
+from yasps.stepping.driven import Driven
+from yasps.stepping.forces import Arms, ForceMeasure, checked_arms
 from yasps.stepping.motion import Motion, positions_of
 from yasps.stepping.newton import minimize
 from yasps.stepping.settings import NewtonReport, NewtonSettings
+
+LOGGER = logging.getLogger("yasps")
+
+LAGGING = ("once", "converged")
+"""How friction is lagged in a step."""
+LAGGING_PASSES = 30
+"""Passes after the first before the stepper gives up on friction that settles."""
 
 
 @dataclass(frozen=True)
@@ -27,6 +38,19 @@ class MovingPart:
     position: Attribute
     predicted: Attribute
     mass: Attribute
+
+
+@dataclass(frozen=True)
+class StepperState:
+    """What a step of `BackwardEuler` changes: values of targets, velocities of parts and targets, what driven
+    vertices say of themselves, what contact remembers, and the time."""
+
+    targets: list[FloatArray]
+    velocities: list[FloatArray]
+    target_velocities: list[FloatArray]
+    driven: list[tuple[Any, ...]]
+    contact: ContactPast | None
+    time: float
 
 
 def _of_one_instance(acceleration: ArrayLike, target: Attribute) -> FloatArray:
@@ -42,6 +66,13 @@ class BackwardEuler(InScene):
     translations; nothing for matrices). The first guess of a step, x_n + dt v_n + dt^2 a, is then the exact solution
     for bodies that fly freely. It is only taken where no pair is close at x_n, no collision is on the way and the
     energy is lower than at x_n. arms: see `minimize`.
+
+    lagging: normal forces, closest points and tangent planes of friction are those at the beginning of the step
+    ("once"); or, in passes, those of where the last pass ended, until they change nothing any more ("converged"). That
+    is not sure to happen; the report says whether it did.
+
+    `driven`: vertices that are prescribed (see `Driven`); `immovable`: of all vertices of the contact, which no target
+    moves, [n]; `driven_tolerance` [m]: how near vertices that can't be set must come to their places.
     """
 
     def __init__(
@@ -55,7 +86,10 @@ class BackwardEuler(InScene):
         settings: NewtonSettings = NewtonSettings(),
         times: TimeTable | None = None,
         arms: Arms | None = None,
+        lagging: str = "once",
     ) -> None:
+        if lagging not in LAGGING:
+            raise SceneError(f"lagging is one of {', '.join(map(repr, LAGGING))}, got {lagging!r}")
         time_step = positive_number(time_step, "time_step", "s", SceneError)
         self.scene = scene
         self.parts = list(parts)
@@ -64,63 +98,119 @@ class BackwardEuler(InScene):
         self.settings = settings
         self.times = times or TimeTable()
         self.arms = checked_arms(arms, scene)
+        self.lagging = lagging
         self.time = 0.0
+        self.driven: list[Driven] = []
+        self.driven_tolerance = 1e-9
+        self.immovable = np.zeros(0 if contact is None else len(contact.positions()), np.bool_)
         self.velocities = [np.zeros((part.position.owner.num_instances, 3)) for part in parts if part.position.owner]
         self._accelerations = {
             target: _of_one_instance(acceleration, target) for target, acceleration in (accelerations or {}).items()
         }
-        self._target_velocities = [np.zeros_like(target.value) for target in scene.minimize_targets]
+        self.target_velocities = [np.zeros_like(target.value) for target in scene.minimize_targets]
 
     @property
     def _lock(self) -> SceneLock:
         return self.scene.lock
 
     @one_thread_at_a_time
-    def step(self) -> NewtonReport:
-        """One time step.
+    def step(self, until: float | None = None) -> NewtonReport:
+        """One time step. until: if it is a part of one that ends later, when that does [s].
 
         Raises IntersectionError, before anything is changed, if positions were changed from outside since the last step
         and something is in the way; after a deliberate jump, call contact.reset(). Raises NotConvergedError; the
-        targets then have the last accepted values.
+        targets then have the last accepted values. Where vertices are driven, nothing has moved after any error.
         """
         dt = self.time_step
         if self.contact is not None:
-            self.contact.check_way()
+            self.contact.start_step()
         old_targets = Motion(self.scene).start
         old_positions = [positions_of([part.position]) for part in self.parts]
         for part, x, v in zip(self.parts, old_positions, self.velocities, strict=True):
             part.predicted.update_value(x + dt * v)
-        self._take_first_guess(old_targets)
-        moving = [part.position for part in self.parts]
-        report = minimize(
+        report = self._solve(old_targets, self.time + dt if until is None else until)
+        for k, (part, x) in enumerate(zip(self.parts, old_positions, strict=True)):
+            self.velocities[k] = (positions_of([part.position]) - x) / dt
+        new_targets = Motion(self.scene).start
+        self.target_velocities = [(new - old) / dt for new, old in zip(new_targets, old_targets, strict=True)]
+        self.time += dt
+        return report
+
+    def _solve(self, old_targets: list[FloatArray], until: float) -> NewtonReport:
+        """Moves the targets to the end of the step."""
+        if not self.driven:
+            self.take_first_guess(old_targets)
+            return self.minimize()
+        before = self.save()
+        try:
+            return Arrival(self, old_targets, until).run()
+        except YaspsError:
+            self.load(before)
+            raise
+
+    def minimize(self, fixed: Mapping[Attribute, ArrayLike] | None = None) -> NewtonReport:
+        """One minimisation, with these instances of targets fixed; with lagging="converged" as many as that takes."""
+        report = self._minimize_once(fixed)
+        if self.contact is None or self.contact.friction is None or self.lagging == "once":
+            return report
+        for passes in range(1, LAGGING_PASSES + 1):
+            self.contact.lag()
+            # That nothing is left to do with the new lag, the forces say, or a direction that moves nothing any more.
+            if self.settings.asks_for_forces and self._forces_hold(report, fixed):
+                return replace(report, lagging_passes=passes, lag_converged=True)
+            again = self._minimize_once(fixed)
+            report = report.followed_by(again)
+            if not self.settings.asks_for_forces and again.iterations == 1:
+                return replace(report, lagging_passes=passes + 1, lag_converged=True)
+        LOGGER.warning(
+            "friction at t = %.6g s is not settled after %d lagging passes: normal forces still change; the step is"
+            " that of the last pass",
+            self.time + self.time_step,
+            LAGGING_PASSES + 1,
+        )
+        return replace(report, lagging_passes=LAGGING_PASSES + 1, lag_converged=False)
+
+    def _minimize_once(self, fixed: Mapping[Attribute, ArrayLike] | None) -> NewtonReport:
+        return minimize(
             self.scene,
-            moving,
-            dt,
+            [part.position for part in self.parts],
+            self.time_step,
             contact=self.contact,
             settings=self.settings,
             times=self.times,
             arms=self.arms,
+            fixed=fixed,
         )
-        for k, (part, x) in enumerate(zip(self.parts, old_positions, strict=True)):
-            self.velocities[k] = (positions_of([part.position]) - x) / dt
-        new_targets = Motion(self.scene).start
-        self._target_velocities = [(new - old) / dt for new, old in zip(new_targets, old_targets, strict=True)]
-        self.time += dt
-        return report
 
-    def _take_first_guess(self, old_targets: list[FloatArray]) -> None:
-        """Moves the targets along free flight if nothing is close, nothing collides and the energy gets lower."""
+    def _forces_hold(self, report: NewtonReport, fixed: Mapping[Attribute, ArrayLike] | None) -> bool:
+        """Whether the forces that are left now are within the tolerances of force."""
+        compiled, settings = self.scene.compile(), self.settings
+        gradient = compiled.assemble(hessian=False, fixed=compiled.unknowns_of(fixed) if fixed else None)
+        left = ForceMeasure(self.scene.minimize_targets, self.arms).largest(gradient)
+        relative = settings.relative_force_tolerance
+        return left <= min(
+            np.inf if settings.force_tolerance is None else settings.force_tolerance,
+            np.inf if relative is None else relative * report.largest_force,
+        )
+
+    def take_first_guess(
+        self, old_targets: list[FloatArray], fixed: Mapping[Attribute, NDArray[np.bool_]] | None = None
+    ) -> None:
+        """Moves the targets, but for fixed instances, along free flight if nothing is close, nothing collides and the
+        energy gets lower."""
         dt = self.time_step
         guess = []
-        for target, old, velocity in zip(
-            self.scene.minimize_targets, old_targets, self._target_velocities, strict=True
-        ):
+        for target, old, velocity in zip(self.scene.minimize_targets, old_targets, self.target_velocities, strict=True):
             acceleration = self._accelerations.get(target)
             flight = old + dt * velocity
             if acceleration is not None:
                 flight = flight + dt * dt * np.tile(acceleration, old.size // acceleration.size)
             guess.append(flight)
         motion = Motion(self.scene)
+        for target, start, flight in zip(motion.targets, motion.start, guess, strict=True):
+            if fixed and target in fixed:
+                stays = np.repeat(fixed[target], target.shape[0] * target.shape[1])
+                flight[stays] = start[stays]
         with self.times.stage("first guess"):
             if self.contact is not None:
                 before = self.contact.positions()
@@ -136,9 +226,31 @@ class BackwardEuler(InScene):
                 if free:
                     self.contact.update(after, candidates)
             if not (free and self.scene.total_energy() < energy):
-                motion.write(old_targets)
+                motion.write(motion.start)
             elif self.contact is not None:
                 self.contact.accept(after)
+
+    def save(self) -> StepperState:
+        """All that a step changes."""
+        return StepperState(
+            Motion(self.scene).start,
+            [velocity.copy() for velocity in self.velocities],
+            [velocity.copy() for velocity in self.target_velocities],
+            [one.save() for one in self.driven],
+            None if self.contact is None else self.contact.save(),
+            self.time,
+        )
+
+    def load(self, state: StepperState) -> None:
+        """Puts everything back."""
+        Motion(self.scene).write(state.targets)
+        self.velocities = [velocity.copy() for velocity in state.velocities]
+        self.target_velocities = [velocity.copy() for velocity in state.target_velocities]
+        for one, saved in zip(self.driven, state.driven, strict=True):
+            one.load(saved)
+        self.time = state.time
+        if self.contact is not None and state.contact is not None:
+            self.contact.load(state.contact)
 
     def kinetic_energy(self) -> float:
         """Sum of m v^2 / 2 over all parts [J]."""

@@ -314,4 +314,6 @@ class _LineSearch:
             if curved and self.bound(self.now) < 1.0:
                 return np.inf
             self.newton.find_contacts(self.now, self.candidates)
+            if self.newton.contact.active.overlaps:
+                return np.inf
         return self.newton.energy()

@@ -76,6 +76,12 @@ class NewtonReport:
     energies at the accepted state. It bounds what any force read there can be wrong by."""
     largest_force: float = np.nan
     """Largest force of any one energy on any one vertex there [N]."""
+    lagging_passes: int = 1
+    """How often the energy was minimised, with the normal forces of friction taken from where the last time ended."""
+    lag_converged: bool | None = None
+    """Whether friction is balanced by normal forces of the end itself; None where nobody asked."""
+    substeps: int = 1
+    """Into how many parts the time step was cut (see `Simulation`)."""
 
     @property
     def relative_residual_force(self) -> float:

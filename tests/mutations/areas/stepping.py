@@ -109,8 +109,8 @@ MUTATIONS = (
     Mutation(
         "velocities of targets are displacements",
         EULER,
-        "self._target_velocities = [(new - old) / dt for",
-        "self._target_velocities = [(new - old) for",
+        "self.target_velocities = [(new - old) / dt for",
+        "self.target_velocities = [(new - old) for",
         FALL,
     ),
     Mutation(

@@ -1,0 +1,51 @@
+"""Time steps that fail are tried again in two halves, and these in halves again."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Callable
+from dataclasses import replace
+
+from yasps import NotConvergedError, NotFiniteError, YaspsError
+from yasps.stepping.backward_euler import BackwardEuler
+from yasps.stepping.settings import NewtonReport
+
+LOGGER = logging.getLogger("yasps")
+
+
+def step_or_halves(
+    stepper: BackwardEuler, set_time_step: Callable[[float], None], levels: int, until: float | None = None
+) -> NewtonReport:
+    """One time step of the stepper, or, where it fails with NotConvergedError or NotFiniteError, two of half the size,
+    and so on: up to 2^levels. The report says how many it took.
+
+    set_time_step: gives scene and stepper another step [s]; nothing compiles for it. until: see `BackwardEuler.step`.
+    Raises what `BackwardEuler.step` raises, with everything as it was before the step.
+    """
+    before, seconds = stepper.save(), stepper.time_step
+    until = stepper.time + seconds if until is None else until
+    try:
+        return stepper.step(until)
+    except (NotConvergedError, NotFiniteError) as error:
+        stepper.load(before)
+        if levels == 0:
+            raise
+        LOGGER.warning(
+            "the time step at t = %.6g s did not work out; it is tried in two of %.3g s: %s",
+            stepper.time,
+            0.5 * seconds,
+            error,
+        )
+    except YaspsError:
+        stepper.load(before)
+        raise
+    try:
+        set_time_step(0.5 * seconds)
+        first = step_or_halves(stepper, set_time_step, levels - 1, until)
+        second = step_or_halves(stepper, set_time_step, levels - 1, until)
+        return replace(first.followed_by(second), substeps=first.substeps + second.substeps)
+    except YaspsError:
+        stepper.load(before)
+        raise
+    finally:
+        set_time_step(seconds)
