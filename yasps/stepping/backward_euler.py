@@ -51,7 +51,6 @@ class StepperState:
     driven: list[tuple[Any, ...]]
     contact: ContactPast | None
     time: float
-    contact: ContactPast | None
 
 
 def _of_one_instance(acceleration: ArrayLike, target: Attribute) -> FloatArray:
@@ -245,7 +244,6 @@ class BackwardEuler(InScene):
             [one.save() for one in self.driven],
             None if self.contact is None else self.contact.save(),
             self.time,
-            None if self.contact is None else self.contact.save(),
         )
 
     def load(self, state: StepperState) -> None:
