@@ -255,7 +255,6 @@ class Simulation:
                     self.scene.remove_energy(energy)
             self.contact = contact
         time_step = float(self.time_step.value[0])
-        now = self.time
         options = self._contact_options
         tolerance = min(2e-3, 0.1 * activation_distance / time_step)
         if self.contact is not None and self.contact.friction is not None:
@@ -267,6 +266,7 @@ class Simulation:
                     settings.velocity_tolerance,
                     options.eps_v,
                 )
+        now = self.time
         self.stepper = BackwardEuler(
             self.scene,
             [MovingPart(body.position, self._predicted[body], body.mass) for body in self.moving],

@@ -43,14 +43,14 @@ class MovingPart:
 @dataclass(frozen=True)
 class StepperState:
     """What a step of `BackwardEuler` changes: values of targets, velocities of parts and targets, what driven
-    vertices say of themselves, the time, and what contact remembers."""
+    vertices say of themselves, what contact remembers, and the time."""
 
     targets: list[FloatArray]
     velocities: list[FloatArray]
     target_velocities: list[FloatArray]
     driven: list[tuple[Any, ...]]
-    time: float
     contact: ContactPast | None
+    time: float
 
 
 def _of_one_instance(acceleration: ArrayLike, target: Attribute) -> FloatArray:
@@ -67,12 +67,12 @@ class BackwardEuler(InScene):
     for bodies that fly freely. It is only taken where no pair is close at x_n, no collision is on the way and the
     energy is lower than at x_n. arms: see `minimize`.
 
-    `driven`: vertices that are prescribed (see `Driven`); `immovable`: of all vertices of the contact, which no target
-    moves, [n]; `driven_tolerance` [m]: how near vertices that can't be set must come to their places.
-
     lagging: normal forces, closest points and tangent planes of friction are those at the beginning of the step
     ("once"); or, in passes, those of where the last pass ended, until they change nothing any more ("converged"). That
     is not sure to happen; the report says whether it did.
+
+    `driven`: vertices that are prescribed (see `Driven`); `immovable`: of all vertices of the contact, which no target
+    moves, [n]; `driven_tolerance` [m]: how near vertices that can't be set must come to their places.
     """
 
     def __init__(
@@ -197,39 +197,43 @@ class BackwardEuler(InScene):
     def take_first_guess(
         self, old_targets: list[FloatArray], fixed: Mapping[Attribute, NDArray[np.bool_]] | None = None
     ) -> None:
-        """Moves the targets, but for fixed instances, along free flight if nothing is close, nothing collides and the
-        energy gets lower."""
-        dt = self.time_step
-        guess = []
-        for target, old, velocity in zip(self.scene.minimize_targets, old_targets, self.target_velocities, strict=True):
-            acceleration = self._accelerations.get(target)
-            flight = old + dt * velocity
-            if acceleration is not None:
-                flight = flight + dt * dt * np.tile(acceleration, old.size // acceleration.size)
-            guess.append(flight)
-        motion = Motion(self.scene)
-        for target, start, flight in zip(motion.targets, motion.start, guess, strict=True):
-            if fixed and target in fixed:
-                stays = np.repeat(fixed[target], target.shape[0] * target.shape[1])
-                flight[stays] = start[stays]
+        """Moves the targets, but for fixed instances, along free flight if nothing collides and the energy gets lower.
+        Where something is close, only with friction, and as if there were no gravity."""
         with self.times.stage("first guess"):
-            if self.contact is not None:
-                before = self.contact.positions()
-                if len(self.contact.update(before)) > 0:
-                    return  # resting on something, it would fall into it: of 94 such guesses in a drop none was taken
+            touches = self.contact is not None and len(self.contact.update()) > 0
+            if touches and (self.contact is None or self.contact.friction is None):
+                return  # resting on something, it would fall into it: of 94 such guesses in a drop none was taken
+            motion = Motion(self.scene)
+            # What touches something goes on sliding. From rest, friction would be as stiff as that of things which
+            # stick, and Newton's steps too short to tell by them how far the end is.
+            guess = self._flight(old_targets, falls=not touches)
+            for target, start, flight in zip(motion.targets, motion.start, guess, strict=True):
+                if fixed and target in fixed:
+                    stays = np.repeat(fixed[target], target.shape[0] * target.shape[1])
+                    flight[stays] = start[stays]
+            before = None if self.contact is None else self.contact.positions()
             energy = self.scene.total_energy()
             motion.write(guess)
             free = True
-            if self.contact is not None:
+            if self.contact is not None and before is not None:
                 after = self.contact.positions()
                 step, candidates = self.contact.free_step(before, after)
-                free = step == 1.0
-                if free:
-                    self.contact.update(after, candidates)
+                free = step == 1.0 and not self.contact.update(after, candidates).overlaps
             if not (free and self.scene.total_energy() < energy):
                 motion.write(motion.start)
             elif self.contact is not None:
                 self.contact.accept(after)
+
+    def _flight(self, old_targets: list[FloatArray], *, falls: bool) -> list[FloatArray]:
+        """The targets after a step with the velocities that they have; falls: also with their accelerations."""
+        dt, flights = self.time_step, []
+        for target, old, velocity in zip(self.scene.minimize_targets, old_targets, self.target_velocities, strict=True):
+            flight = old + dt * velocity
+            acceleration = self._accelerations.get(target)
+            if falls and acceleration is not None:
+                flight = flight + dt * dt * np.tile(acceleration, old.size // acceleration.size)
+            flights.append(flight)
+        return flights
 
     def save(self) -> StepperState:
         """All that a step changes."""
@@ -238,8 +242,8 @@ class BackwardEuler(InScene):
             [velocity.copy() for velocity in self.velocities],
             [velocity.copy() for velocity in self.target_velocities],
             [one.save() for one in self.driven],
-            self.time,
             None if self.contact is None else self.contact.save(),
+            self.time,
         )
 
     def load(self, state: StepperState) -> None:

@@ -76,12 +76,12 @@ class NewtonReport:
     energies at the accepted state. It bounds what any force read there can be wrong by."""
     largest_force: float = np.nan
     """Largest force of any one energy on any one vertex there [N]."""
-    substeps: int = 1
-    """Into how many parts the time step was cut (see `Simulation`)."""
     lagging_passes: int = 1
     """How often the energy was minimised, with the normal forces of friction taken from where the last time ended."""
     lag_converged: bool | None = None
     """Whether friction is balanced by normal forces of the end itself; None where nobody asked."""
+    substeps: int = 1
+    """Into how many parts the time step was cut (see `Simulation`)."""
 
     @property
     def relative_residual_force(self) -> float:
@@ -97,4 +97,6 @@ class NewtonReport:
             step_lengths=[*self.step_lengths, *other.step_lengths],
             projected=self.projected + other.projected,
             direct_solves=self.direct_solves + other.direct_solves,
+            lagging_passes=max(self.lagging_passes, other.lagging_passes),
+            lag_converged=False if self.lag_converged is False else other.lag_converged,
         )
