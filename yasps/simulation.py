@@ -30,7 +30,7 @@ from yasps import (
 )
 from yasps.bodies import Body, HalfSpace, MovingObstacle
 from yasps.contact import BarrierContact, ContactForces, ContactTable, check_start, contact_forces
-from yasps.frontend.language.arrays import positive_number, real_numbers
+from yasps.frontend.language.arrays import checked_count, positive_number, real_numbers
 from yasps.meshes.tetrahedral_mesh import Float64Array
 from yasps.output import FrameProgress, TimeTable
 from yasps.stepping import (
@@ -86,7 +86,7 @@ class Simulation:
     "paper" 10 N over the cubed activation distance [J/m^4]. velocities: body -> velocity at the start [m/s], one or one
     for each vertex. settings: of Newton's method; by default the tolerance is a tenth of the activation distance a
     step, at most 2e-3 m/s, with friction at most a tenth of eps_v. eps_v: speed below which things with friction stick
-    [m/s]. lagging: see `BackwardEuler`.
+    [m/s]. lagging: see `BackwardEuler`. rescue: how often a time step that fails is cut in two, see `step`.
 
     `gravity` is a constant of the scene that can be changed between steps; `before_step` and `after_step` are lists of
     functions that are called with the simulation.
@@ -110,6 +110,7 @@ class Simulation:
         lagging: str = "once",
         velocities: Mapping[Body, ArrayLike] | None = None,
         settings: NewtonSettings | None = None,
+        rescue: int = 3,
         times: TimeTable | None = None,
     ) -> None:
         self.scene = scene
@@ -134,8 +135,7 @@ class Simulation:
         self._drives: dict[Body, DrivenSurface] = {}
         self._driven: list[Driven] = []
         """All that is driven, obstacles and pins."""
-        self.rescue = 3
-        """A time step that fails is tried again in two halves, and these in halves, so many times."""
+        self.rescue = checked_count(rescue, "rescue", 0, SceneError)
         self.contact: BarrierContact | None = None
         if not time_step > 0:
             raise SceneError(f"time_step must be positive, got {time_step} s")

@@ -144,7 +144,7 @@ class _Minimization:
             way = there - here
             longest = float(np.sqrt(np.einsum("ij,ij->i", way, way).max(initial=0.0)))
             report.largest_velocity = longest / self.time_step
-            self.stands_still = longest <= 4 * np.finfo(np.float64).eps * float(np.abs(here).max(initial=0.0))
+            self.stands_still = bool(longest <= 4 * np.finfo(np.float64).eps * np.abs(here).max(initial=0.0))
             is_short = settings.velocity_tolerance is None or report.largest_velocity < settings.velocity_tolerance
             here, report.energy = _LineSearch(self, motion, directions, here, there).run(slope, is_short)
             if self.contact is not None:
