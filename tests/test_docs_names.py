@@ -34,7 +34,8 @@ from yasps.materials import *
 from yasps.stepping import BackwardEuler, MovingPart, NewtonReport, NewtonSettings, minimize
 from yasps.passes.pipeline import run_pipeline
 from yasps.runtime.solvers.pcg import SolveReport
-from yasps.simulation import Pins, Simulation
+from yasps.simulation import Simulation
+from yasps.stepping import DrivenVertices
 any_: Any
 """
 
@@ -55,7 +56,7 @@ STANDS_FOR = {
     "geometry": "CollisionGeometry",
     "stepper": "BackwardEuler",
     "simulation": "Simulation",
-    "pins": "Pins",
+    "pins": "DrivenVertices",
     "module": "Any",
     "data": "Any",
 }
