@@ -92,7 +92,7 @@ def test_after_all_failed_everything_is_as_before() -> None:
 def test_a_second_half_that_fails_takes_the_first_back() -> None:
     simulation, _ = falling_cube()
     simulation.run(2)
-    before = simulation.state()
+    before, velocities = simulation.state(), [v.copy() for v in simulation.stepper.target_velocities]
     stepper, minimize = simulation.stepper, simulation.stepper.minimize
 
     def failing(fixed: object = None) -> NewtonReport:
@@ -107,6 +107,7 @@ def test_a_second_half_that_fails_takes_the_first_back() -> None:
     assert before.keys() == after.keys()
     for name, value in before.items():
         np.testing.assert_array_equal(after[name], value)
+    np.testing.assert_array_equal(stepper.target_velocities, velocities)  # of the next step's first guess
 
 
 def test_halves_of_a_driven_step_go_half_the_way() -> None:

@@ -62,8 +62,13 @@ class Body:
 
     @property
     def is_fixed(self) -> bool:
-        """Whether nothing moves it."""
+        """Whether no energy moves it."""
         return not self.targets
+
+    @property
+    def stands_still(self) -> bool:
+        """Whether its vertices never move."""
+        return self.is_fixed
 
     @property
     def position(self) -> Attribute:

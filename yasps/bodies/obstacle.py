@@ -72,6 +72,11 @@ class MovingObstacle(Obstacle):
         way = self.vertices.add_constant("way", rows=3, cols=1)
         self.vertices.add_attribute("position", computed_attribute=start + progress * way)
 
+    @property
+    def stands_still(self) -> bool:
+        """It may move, though no energy moves it."""
+        return False
+
     def move_to(self, positions: ArrayLike) -> None:
         """Where its vertices shall be at the end of the next step [m], [n, 3], instead of any other motion."""
         self.motion = positions

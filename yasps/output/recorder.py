@@ -25,8 +25,8 @@ class Shown(Protocol):
     cells: Mapping[str, NDArray[np.int32]]
 
     @property
-    def is_fixed(self) -> bool:
-        """Fixed bodies are in the pictures only."""
+    def stands_still(self) -> bool:
+        """What never moves is in the pictures only."""
 
     def positions(self) -> NDArray[np.float64]:
         """[n, 3]."""
@@ -48,7 +48,7 @@ class FrameRecorder:
     """Records a simulation frame by frame into FOLDER/NAME.vtkhdf, NAME.mp4 and NAME.png.
 
     pictures: False for the series alone; where the machine can't draw, a line on stderr says so. ground_height: of the
-    ground in pictures; None for none. bounds: what the camera sees, [2, 3]; default: the moving bodies and the ground
+    ground in pictures; None for none. bounds: what the camera sees, [2, 3]; default: all that moves and the ground
     below them at the start. frames_per_picture: how many frames one picture of the animation stands for.
     """
 
@@ -66,7 +66,7 @@ class FrameRecorder:
         self.folder, self.name = Path(folder), name
         self.folder.mkdir(parents=True, exist_ok=True)
         self.written: list[Path] = []
-        self._bodies = [body for body in simulation.bodies if not body.is_fixed]
+        self._bodies = [body for body in simulation.bodies if not body.stands_still]
         self._frames_per_picture = frames_per_picture
         starts = [0, *itertools.accumulate(len(body.positions()) for body in self._bodies)]
         cells: dict[str, list[NDArray[np.int32]]] = {}

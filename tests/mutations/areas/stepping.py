@@ -10,6 +10,8 @@ FALL = (f"{VELOCITIES}::test_free_fall",)
 SPRING = (f"{VELOCITIES}::test_a_spring_follows_the_recurrence",)
 FORCES = "tests/stepping/test_forces.py"
 FIXED = ("tests/frontend/execution/test_fixed_unknowns.py::test_the_solution_is_that_of_the_reduced_system",)
+DRIVEN = "tests/simulation/test_driven.py"
+RESCUE = "tests/simulation/test_rescue.py"
 CODE = "yasps/stepping/newton.py"
 MOTION = "yasps/stepping/motion.py"
 EULER = "yasps/stepping/backward_euler.py"
@@ -154,6 +156,62 @@ MUTATIONS = (
         "report.residual_force <= settings.force_tolerance) and (",
         "report.residual_force <= settings.force_tolerance) or (",
         (f"{FORCES}::test_a_relative_tolerance_is_one_of_the_largest_force_of_an_energy",),
+    ),
+    Mutation(
+        "what is driven is put through what is in the way",
+        "yasps/stepping/arrival.py",
+        "is_free = step == 1.0",
+        "is_free = True",
+        (f"{DRIVEN}::test_a_lift_takes_up_what_lies_on_it_and_arrives_exactly",),
+    ),
+    Mutation(
+        "what is driven is not held where it was put",
+        "yasps/stepping/arrival.py",
+        "return self.stepper.minimize(self.fixed())",
+        "return self.stepper.minimize()",
+        (f"{DRIVEN}::test_a_lift_takes_up_what_lies_on_it_and_arrives_exactly",),
+    ),
+    Mutation(
+        "multipliers learn nothing",
+        "yasps/stepping/driven.py",
+        "self.multiplier = self.multiplier - stiffness * (self.positions() - goal)",
+        "self.multiplier = 0.0 * goal",
+        (f"{DRIVEN}::test_pins_of_a_stiff_body_come_to_their_places_and_carry_its_weight",),
+    ),
+    Mutation(
+        "obstacles are not asked for before they are pushed",
+        "yasps/stepping/arrival.py",
+        "end[rows], rigid[rows] = goal, one.is_exact",
+        "end[rows], rigid[rows] = goal, False",
+        (f"{DRIVEN}::test_two_that_are_driven_into_each_other_are_refused",),
+    ),
+    Mutation(
+        "a part of a step goes the whole way",
+        "yasps/stepping/driven.py",
+        "(end - start) / (until - start)",
+        "1.0",
+        (f"{RESCUE}::test_halves_of_a_driven_step_go_half_the_way",),
+    ),
+    Mutation(
+        "the first half of a failed step stays",
+        "yasps/stepping/rescue.py",
+        "    except YaspsError:\n        stepper.load(before)\n        raise\n    finally:",
+        "    finally:",
+        (f"{RESCUE}::test_a_second_half_that_fails_takes_the_first_back",),
+    ),
+    Mutation(
+        "the time step stays halved",
+        "yasps/stepping/rescue.py",
+        "        set_time_step(seconds)\n",
+        "        pass\n",
+        (f"{RESCUE}::test_halves_and_quarters_are_tried",),
+    ),
+    Mutation(
+        "velocities of targets are those of a failed part",
+        EULER,
+        "        self.target_velocities = [velocity.copy() for velocity in state.target_velocities]\n",
+        "",
+        (f"{RESCUE}::test_a_second_half_that_fails_takes_the_first_back",),
     ),
     Mutation(
         "only rows of fixed unknowns are left out",
