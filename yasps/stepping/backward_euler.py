@@ -150,7 +150,7 @@ class BackwardEuler(InScene):
 
     def minimize(self, fixed: Mapping[Attribute, ArrayLike] | None = None) -> NewtonReport:
         """One minimisation, with these instances of targets fixed; with lagging="converged" as many as that takes."""
-        report = self._minimize_once(fixed)
+        report = self.minimize_once(fixed)
         if self.contact is None or self.contact.friction is None or self.lagging == "once":
             return report
         for passes in range(1, LAGGING_PASSES + 1):
@@ -158,7 +158,7 @@ class BackwardEuler(InScene):
             # That nothing is left to do with the new lag, the forces say, or a direction that moves nothing any more.
             if self.settings.asks_for_forces and self._forces_hold(report, fixed):
                 return replace(report, lagging_passes=passes, lag_converged=True)
-            again = self._minimize_once(fixed)
+            again = self.minimize_once(fixed)
             report = report.followed_by(again)
             if not self.settings.asks_for_forces and again.iterations == 1:
                 return replace(report, lagging_passes=passes + 1, lag_converged=True)
@@ -170,7 +170,8 @@ class BackwardEuler(InScene):
         )
         return replace(report, lagging_passes=LAGGING_PASSES + 1, lag_converged=False)
 
-    def _minimize_once(self, fixed: Mapping[Attribute, ArrayLike] | None) -> NewtonReport:
+    def minimize_once(self, fixed: Mapping[Attribute, ArrayLike] | None = None) -> NewtonReport:
+        """One minimisation, with these instances of targets fixed."""
         return minimize(
             self.scene,
             [part.position for part in self.parts],
@@ -196,39 +197,43 @@ class BackwardEuler(InScene):
     def take_first_guess(
         self, old_targets: list[FloatArray], fixed: Mapping[Attribute, NDArray[np.bool_]] | None = None
     ) -> None:
-        """Moves the targets, but for fixed instances, along free flight if nothing is close, nothing collides and the
-        energy gets lower."""
-        dt = self.time_step
-        guess = []
-        for target, old, velocity in zip(self.scene.minimize_targets, old_targets, self.target_velocities, strict=True):
-            acceleration = self._accelerations.get(target)
-            flight = old + dt * velocity
-            if acceleration is not None:
-                flight = flight + dt * dt * np.tile(acceleration, old.size // acceleration.size)
-            guess.append(flight)
-        motion = Motion(self.scene)
-        for target, start, flight in zip(motion.targets, motion.start, guess, strict=True):
-            if fixed and target in fixed:
-                stays = np.repeat(fixed[target], target.shape[0] * target.shape[1])
-                flight[stays] = start[stays]
+        """Moves the targets, but for fixed instances, along free flight if nothing collides and the energy gets lower.
+        Where something is close, only with friction, and as if there were no gravity."""
         with self.times.stage("first guess"):
-            if self.contact is not None:
-                before = self.contact.positions()
-                if len(self.contact.update(before)) > 0:
-                    return  # resting on something, it would fall into it: of 94 such guesses in a drop none was taken
+            touches = self.contact is not None and len(self.contact.update()) > 0
+            if touches and (self.contact is None or self.contact.friction is None):
+                return  # resting on something, it would fall into it: of 94 such guesses in a drop none was taken
+            motion = Motion(self.scene)
+            # What touches something goes on sliding. From rest, friction would be as stiff as that of things which
+            # stick, and Newton's steps too short to tell by them how far the end is.
+            guess = self._flight(old_targets, falls=not touches)
+            for target, start, flight in zip(motion.targets, motion.start, guess, strict=True):
+                if fixed and target in fixed:
+                    stays = np.repeat(fixed[target], target.shape[0] * target.shape[1])
+                    flight[stays] = start[stays]
+            before = None if self.contact is None else self.contact.positions()
             energy = self.scene.total_energy()
             motion.write(guess)
             free = True
-            if self.contact is not None:
+            if self.contact is not None and before is not None:
                 after = self.contact.positions()
                 step, candidates = self.contact.free_step(before, after)
-                free = step == 1.0
-                if free:
-                    self.contact.update(after, candidates)
+                free = step == 1.0 and not self.contact.update(after, candidates).overlaps
             if not (free and self.scene.total_energy() < energy):
                 motion.write(motion.start)
             elif self.contact is not None:
                 self.contact.accept(after)
+
+    def _flight(self, old_targets: list[FloatArray], *, falls: bool) -> list[FloatArray]:
+        """The targets after a step with the velocities that they have; falls: also with their accelerations."""
+        dt, flights = self.time_step, []
+        for target, old, velocity in zip(self.scene.minimize_targets, old_targets, self.target_velocities, strict=True):
+            flight = old + dt * velocity
+            acceleration = self._accelerations.get(target)
+            if falls and acceleration is not None:
+                flight = flight + dt * dt * np.tile(acceleration, old.size // acceleration.size)
+            flights.append(flight)
+        return flights
 
     def save(self) -> StepperState:
         """All that a step changes."""
