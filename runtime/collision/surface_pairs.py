@@ -200,7 +200,7 @@ class Surface(Uncopied):
             share.ctypes.data,
         )
         parts = [slice(begin, end) for begin, end in pairwise([0, *ends])]
-        kinds = [ClosePairs(*(array[part] for array in (vertices, weight, counts, edges, share))) for part in parts]
+        kinds = [ClosePairs(vertices[k], weight[k], counts[k], edges[k], share[k]) for k in parts]
         return kinds, *least
 
     def step_bound(

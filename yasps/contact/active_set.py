@@ -124,7 +124,20 @@ class ActiveSet:
 def active_set_of(kinds: Sequence[ClosePairs], minimum_distance: float, minimum_gap: float) -> ActiveSet:
     """The active set of the runtime's close pairs, which come in the order of its fields."""
     arities = (2, 3, 4, 4, 4, 4, 4)
-    return ActiveSet(*(_pairs(*kind) for kind in zip(kinds, arities, strict=True)), minimum_distance, minimum_gap)
+    point_point, point_edge, point_triangle, edge_edge, mollified_edges, mollified_point_edge, mollified_points = (
+        _pairs(*kind) for kind in zip(kinds, arities, strict=True)
+    )
+    return ActiveSet(
+        point_point=point_point,
+        point_edge=point_edge,
+        point_triangle=point_triangle,
+        edge_edge=edge_edge,
+        mollified_edge_edge=mollified_edges,
+        mollified_point_edge=mollified_point_edge,
+        mollified_point_point=mollified_points,
+        minimum_distance=minimum_distance,
+        minimum_gap=minimum_gap,
+    )
 
 
 def _pairs(pairs: ClosePairs, arity: int) -> Pairs:

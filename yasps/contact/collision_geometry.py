@@ -116,12 +116,13 @@ class CollisionGeometry(Uncopied):
         is_thick = bool(thick.any())
 
         # The collision mesh numbers only the vertices that take part; `full_id` leads back.
-        full_id, local = np.unique(np.concatenate([faces.ravel(), lines.ravel(), loose]), return_inverse=True)
-        full_id, local = full_id.astype(np.int32), local.astype(np.int32)
+        used, place = np.unique(np.concatenate([faces.ravel(), lines.ravel(), loose]), return_inverse=True)
+        full_id, local = used.astype(np.int32), place.astype(np.int32)
         local_faces = local[: faces.size].reshape(-1, 3)
         sides = local_faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2)
         all_edges = np.concatenate([sides, local[faces.size : faces.size + lines.size].reshape(-1, 2)])
-        local_edges, number = np.unique(np.sort(all_edges, axis=1), axis=0, return_inverse=True)
+        found, number = np.unique(np.sort(all_edges, axis=1), axis=0, return_inverse=True)
+        local_edges = found.astype(np.int32)
         is_free = np.ones(len(local_edges), np.bool_)
         is_free[number.ravel()[: len(sides)]] = False
 
