@@ -27,7 +27,7 @@ NOTES = (
     "energy; gradient; gradient and projected Hessian, added to the global ones. The pairs have their places already.",
     "search, bound: the close pairs among candidates, and the step that is free of collisions; friction needs neither.",
     "a Newton iteration: energy, gradient and Hessian, search and bound, once each. Processor time, one thread.",
-    "lag: giving friction other pairs and positions, once in a step.",
+    "lag: giving friction other pairs and positions, and these their places; once in a step.",
 )
 
 
@@ -63,14 +63,15 @@ def sheets(size: int, *, friction: float) -> tuple[BarrierContact, CpuScene]:
     return contact, compiled
 
 
-def lag(contact: BarrierContact, positions: FloatArray) -> None:
-    """Friction of other pairs than before: all of them again."""
+def lag(contact: BarrierContact, compiled: CpuScene, positions: FloatArray) -> None:
+    """Friction of other pairs than before, all of them again, and their places in gradient and Hessian."""
     assert contact.friction is not None
     kinds = contact.active.kinds()
     laws = {name: contact.laws_of_pairs(name, pairs) for name, pairs in kinds.items()}
     nobody = {name: pairs.chosen(np.zeros(len(pairs), np.bool_)) for name, pairs in kinds.items()}
     contact.friction.take(positions + 1e-9, nobody, {name: laws[name][:0] for name in kinds})
     contact.friction.take(positions, kinds, laws)
+    compiled.update_structure()
 
 
 def run(settings: Settings) -> Report:
@@ -88,9 +89,8 @@ def run(settings: Settings) -> Report:
             "gradient and Hessian": compiled.assemble,
         }
         peers += [Peer(case, name, 1, work, 1e9 / count, UNIT) for case, work in works.items()]
-    way = positions + 0.1 * barrier.geometry.activation_distance * np.random.default_rng(1).uniform(
-        -1, 1, positions.shape
-    )
+    reach = barrier.geometry.activation_distance
+    way = positions + 0.1 * reach * np.random.default_rng(1).uniform(-1, 1, positions.shape)
     candidates = barrier.geometry.candidates(positions, way)
     search = partial(barrier.geometry.active_set, positions, candidates)
     bound = partial(barrier.geometry.step_bound, positions, way, candidates, start_is_free=True)
