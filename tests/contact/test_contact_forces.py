@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from scipy import sparse
 
 from yasps import Scene
-from yasps.contact import BarrierContact, ContactForces, Plane, contact_forces
+from yasps.contact import BarrierContact, ContactForces, ContactTable, Plane, contact_forces
 
 Floats = NDArray[np.float64]
 UP = np.array([0.1, -0.2, 0.97])
@@ -98,3 +98,38 @@ def test_a_vertex_presses_a_half_space_along_its_normal() -> None:
     pressed = forces.between_bodies()[2, 0]
     assert pressed @ UP == pytest.approx(-np.linalg.norm(pressed))
     assert forces.normal.gap[below].min() == pytest.approx(0.3 * contact.geometry.activation_distance, rel=1e-9)
+
+
+@pytest.mark.parametrize(("barrier", "kinetic"), [("log", 0.2), pytest.param("paper", 0.5, marks=pytest.mark.nightly)])
+def test_friction_is_that_of_the_scenes_gradient(barrier: str, kinetic: float) -> None:
+    """Of pairs that stick, that slide and in between; all kinds but one are among them."""
+    kinds: set[str] = set()
+    for name in ("shaken", "edges crossing at 0.001"):
+        scene, contact = scene_of(name, barrier, table=ContactTable(0.5, kinetic), slip_length=1e-4)
+        assert contact.friction is not None
+        (position,) = scene.minimize_targets
+        points = contact.positions()
+        shift = 10.0 ** np.random.default_rng(9).uniform(-6, -2.5, (len(points), 1))
+        position.update_value(points + shift * np.random.default_rng(8).normal(size=points.shape))
+        forces = contact_forces(contact)
+        kinds |= set(forces.friction.kind.tolist())
+        gradients = scene.compile().gradients()
+        paths = {kind: pairs.primitive["potential"].path for kind, pairs in contact.friction.primitives.items()}
+        expected = -sum(gradients[path] for path in paths.values() if path in gradients).reshape(-1, 3)
+        found = forces.on_vertices("friction")
+        np.testing.assert_allclose(found, expected, atol=1e-12 * np.abs(expected).max())
+        values = scene.energy_values()
+        for kind, path in paths.items():
+            energies = forces.friction.energy[forces.friction.kind == kind]
+            np.testing.assert_allclose(energies, values[path], rtol=1e-10)
+        assert forces.friction.slides.any()
+        assert not forces.friction.slides.all()
+        # Friction is tangential, at most mu times the load, along the slip of the second piece.
+        rubs = forces.friction
+        assert (np.abs((rubs.on_first * rubs.normal).sum(axis=1)) <= 1e-13 * np.abs(rubs.load)).all()
+        assert (np.linalg.norm(rubs.on_first, axis=1) <= 0.5 * (1 + 1e-12) * np.abs(rubs.load)).all()
+        between = forces.between_bodies("friction")
+        np.testing.assert_array_equal(between, -between.transpose(1, 0, 2))
+        sums = np.stack([found[forces.body_of == k].sum(axis=0) for k in range(2)])
+        np.testing.assert_allclose(forces.on_bodies("friction")[:2], sums, atol=1e-14 * np.abs(found).max())
+    assert kinds >= {"point_triangle", "edge_edge", "mollified_edge_edge", "point_edge", "half_space"}

@@ -11,7 +11,7 @@ import pytest
 from yasps import IntersectionError, Scene, SceneError
 from yasps.bodies import AffineBody, Body, Cloth, Ground, HalfSpace, Obstacle, SoftBody
 from yasps.contact import ContactTable, check_start, separate, start_state
-from yasps.contact.solid_geometry import closest_on_triangles, shortest_exits, winding_numbers
+from yasps.contact.solid_geometry import closest_on_triangles, ray_lengths, shortest_exits, winding_numbers
 from yasps.meshes import TriangleMesh, box, cloth_grid, sphere
 from yasps.simulation import Simulation
 
@@ -84,6 +84,7 @@ def test_small_overlaps_are_measured_and_taken_away(make: Callable[[Scene], list
     assert separation.moved == {b.name: pytest.approx(w) for b, w in zip(bodies, ways, strict=True) if w > 0}
     # No solution is shorter than the depth and the gap; a bent one is hardly longer.
     assert depth + 0.9 * gap <= sum(ways) <= 1.5 * depth + 2 * gap
+    assert not separation.bent
     assert str(separate(bodies, gap=0.99 * gap)) == "all bodies were 0.000198 m apart already"
 
 
@@ -97,6 +98,36 @@ def test_of_two_stiff_bodies_the_lighter_goes_farther_and_none_turns() -> None:
         np.testing.assert_allclose(way, np.broadcast_to(way[0], way.shape), atol=1e-15)
     assert ways[1][0, 2] == pytest.approx(-4 * ways[0][0, 2], rel=1e-6)
     assert ways[1][0, 2] - ways[0][0, 2] == pytest.approx(0.005, rel=0.02)
+
+
+def test_cloth_is_bent_where_no_translation_does() -> None:
+    """One tip pokes through it from above, another from below."""
+    scene = Scene("tips", threads=1)
+    cone = np.array([[0.0, 0.0, 0.0], [0.05, 0.04, 0.08], [-0.05, 0.04, 0.08], [0.0, -0.06, 0.08]])
+    sides = np.array([[0, 1, 2], [0, 2, 3], [0, 3, 1]], np.int32)
+    above = Obstacle(scene, "above", TriangleMesh(cone + np.array([-0.1, 0.01, -0.002]), sides))
+    below = Obstacle(scene, "below", TriangleMesh(np.array([0.1, 0.01, 0.002]) - cone, sides))
+    bodies = [Cloth(scene, "cloth", cloth_grid((0.4, 0.2), (16, 8))), above, below]
+    assert {overlap.bodies for overlap in start_state(bodies).overlaps} == {("cloth", "above"), ("cloth", "below")}
+    separation = separate(bodies, gap=5e-4)
+    assert separation.bent
+    assert start_state(bodies).is_apart
+    assert 2.5e-3 < separation.moved["cloth"] < 6e-3
+    assert str(separation).startswith("moved and bent 'cloth' by up to")
+    z = bodies[0].positions()[:, 2]
+    assert z.min() < -1e-3 < 1e-3 < z.max()
+
+
+def test_what_crosses_itself_is_refused() -> None:
+    scene = Scene("fold", threads=1)
+    cloth = Cloth(scene, "cloth", cloth_grid((1.0, 1.0), (4, 4)))
+    positions = cloth.positions()
+    positions[-1] = [-0.3, -0.3, -0.1]
+    positions[-2] = [-0.31, -0.2, 0.1]
+    cloth.position.update_value(positions)
+    assert "'cloth' crosses itself" in str(start_state([cloth]))
+    with pytest.raises(IntersectionError, match=r"nothing was moved: 'cloth' crosses itself, .* by hand"):
+        separate([cloth], largest_share=1.0)
 
 
 def test_a_body_wholly_inside_another_is_noticed() -> None:
@@ -266,6 +297,14 @@ def test_winding_numbers_and_nearest_points_of_a_ball() -> None:
     sampled = np.linalg.norm(points[:, None] - sample[None], axis=2).min(axis=1)
     assert (distance <= sampled + 1e-15).all()
     assert (sampled - distance < 0.01).all()
+
+
+def test_rays_end_at_the_first_triangle() -> None:
+    corners = CUBE.vertices[CUBE.surface_triangles()]
+    points = np.array([[0.0, 0.0, 0.0], [0.01, -0.02, 0.03], [0.0, 0.0, -0.07], [0.2, 0.0, 0.0]])
+    directions = np.array([[0.0, 0.0, 1.0], [1.0, 0.0, 0.0]])
+    expected = [[0.05, 0.05], [0.02, 0.04], [0.02, np.inf], [np.inf, np.inf]]
+    np.testing.assert_allclose(ray_lengths(points, directions, corners), expected, atol=1e-15)
 
 
 def test_the_shortest_exit_is_a_way_out_and_no_shorter_way_is() -> None:

@@ -289,12 +289,11 @@ def _pairs_of(entries: _Entries) -> ContactPairs:
 
 def _rubbing(contact: BarrierContact, positions: Floats, body_of: Ids) -> list[FrictionPairs]:
     """The pairs of each kind that rub."""
-    friction = getattr(contact, "friction", None)
-    if friction is None:
+    if contact.friction is None:
         return []
     return [
         _rubbing_of(contact, name, pairs, positions, body_of)
-        for name, pairs in friction.primitives.items()
+        for name, pairs in contact.friction.primitives.items()
         if pairs.primitive.num_instances
     ]
 
@@ -315,7 +314,7 @@ def _rubbing_of(
     normal = lagged_way / distance[:, None]
     relative = np.einsum("na,nad->nd", weights, positions[ids] - previous)
     slip = relative - (relative * normal).sum(axis=1, keepdims=True) * normal
-    way, length = np.linalg.norm(slip, axis=1), float(contact.friction.slip_length.value[0])
+    way, length = np.linalg.norm(slip, axis=1), float(contact.friction.slip_length.compute().array.reshape(-1)[0])
     static, kinetic = (parts.laws[which].value[laws] for which in ("friction", "kinetic_friction"))
     potential, by_slip = friction_slopes(way, length, static, kinetic)
     load = pairs.primitive["normal_force"].compute().array.reshape(-1)

@@ -7,6 +7,8 @@ from numpy.typing import NDArray
 
 from yasps.contact.active_set import Floats
 
+_EDGE = 1e-9
+"""A ray that passes a triangle this near, in its own coordinates, hits it: none slips between two."""
 _AT_ONCE = 2_000_000
 """Pairs of a point and a triangle that are looked at together, for memory."""
 
@@ -72,6 +74,27 @@ def _places(point: Floats, corners: Floats) -> list[Floats]:
             place = np.zeros((*share.shape, 3))
             place[..., first], place[..., second] = 1 - share, share
             found.append(place)
+    return found
+
+
+def ray_lengths(points: Floats, directions: Floats, corners: Floats) -> Floats:
+    """How far it is from each point [k, 3] along each unit direction [n, 3] to the first triangle [m, 3, 3], [k, n];
+    infinite where there is none (Moller and Trumbore 1997)."""
+    found = np.full((len(points), len(directions)), np.inf)
+    a, u, v = corners[:, 0], corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
+    for j, direction in enumerate(directions):
+        p = np.cross(direction, v)
+        with np.errstate(divide="ignore"):
+            inverse = 1.0 / np.einsum("md,md->m", u, p)
+        for chosen in _chunks(len(points), len(corners)):
+            s = points[chosen, None] - a
+            q = np.cross(s, u)
+            with np.errstate(invalid="ignore"):
+                x = np.einsum("kmd,md->km", s, p) * inverse
+                y = (q @ direction) * inverse
+                length = np.einsum("kmd,md->km", q, v) * inverse
+                hit = (x >= -_EDGE) & (y >= -_EDGE) & (x + y <= 1 + _EDGE) & (length >= 0) & np.isfinite(length)
+            found[chosen, j] = np.where(hit, length, np.inf).min(axis=1, initial=np.inf)
     return found
 
 

@@ -208,7 +208,7 @@ class Surfaces:
             firsts = self._first_of_pieces(inner)
             points = self.parts[inner][firsts]
             points = points[((points >= large[0]) & (points <= large[1])).all(axis=1)]
-            if (np.abs(winding_numbers(points, self._corners(outer))) > 0.5).any():
+            if (np.abs(winding_numbers(points, self.corners_of(outer))) > 0.5).any():
                 found.append((inner, outer))
         return found
 
@@ -219,13 +219,13 @@ class Surfaces:
             points = self.parts[first][used]
             inside = ((points > self.parts[second].min(axis=0)) & (points < self.parts[second].max(axis=0))).all(axis=1)
             used = used[inside]
-            wrong = used[np.abs(winding_numbers(points[inside], self._corners(second))) > 0.5]
+            wrong = used[np.abs(winding_numbers(points[inside], self.corners_of(second))) > 0.5]
         else:
             through = (self.body_of(edges[:, 0]) == first) & (self.body_of(self.triangles[numbers, 0]) == second)
             wrong = self._cut_off(first, edges[through] - self.starts[first])
         if len(self.bodies[second].triangles) == 0:
             wrong = wrong[:0]
-        _, nearest, weights = closest_on_triangles(self.parts[first][wrong], self._corners(second))
+        _, nearest, weights = closest_on_triangles(self.parts[first][wrong], self.corners_of(second))
         corners = self.bodies[second].triangles[nearest] + self.starts[second]
         way = np.einsum("kc,kcd->kd", weights, self.positions[corners]) - self.parts[first][wrong]
         return WrongSide((wrong + self.starts[first]).astype(np.int32), corners.astype(np.int32), weights, way)
@@ -250,7 +250,8 @@ class Surfaces:
         names = (self.bodies[inner].name, self.bodies[outer].name)
         return Overlap(names, 0, float(np.linalg.norm(way, axis=1).max(initial=0.0)), "")
 
-    def _corners(self, body: int) -> Floats:
+    def corners_of(self, body: int) -> Floats:
+        """Corners of a body's triangles, [m, 3, 3]."""
         return self.parts[body][self.bodies[body].triangles]
 
     def _labels(self, body: int, without: Ids) -> NDArray[np.int32]:

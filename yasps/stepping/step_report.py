@@ -71,11 +71,9 @@ class StepReport:
     def __str__(self) -> str:
         lines = [f"step {self.frame}, t = {self.time:.6g} s"]
         if self.newton is not None:
-            newton = f"  Newton: {self.newton.iterations} iterations"
-            for name, unit in (("substeps", ""), ("residual_force", " N")):
-                if hasattr(self.newton, name):
-                    newton += f", {name.replace('_', ' ')} {getattr(self.newton, name):.3g}{unit}"
-            lines.append(newton)
+            parts = f" in {self.newton.substeps} parts" if self.newton.substeps > 1 else ""
+            left = f", residual force {self.newton.residual_force:.3g} N"
+            lines.append(f"  Newton: {self.newton.iterations} iterations{parts}{left}")
         energies = ", ".join(f"{name} {value:.4g} J" for name, value in self.energies.items() if value)
         lines.append(f"  energy: {energies}")
         lines.append(f"  momentum: {_vector(self.momentum)} kg m/s")
