@@ -51,10 +51,10 @@ class PairPrimitive:
         self.primitive = parts.mesh.add_primitive(name, 0, is_dynamic=True)
         self.vertices = self.primitive.add_connectivity("vertices", parts.vertices, [], kind.arity)
         self._law = self.primitive.add_connectivity("law", parts.laws, [], 1)
-        counted = kind.counted if parts.measures is not None else 0
-        self._points = kind.arity if names_points or parts.is_thick or kind.edges is not None else counted
-        if self._points:
-            self._to_points = self.primitive.add_connectivity("points", parts.points, [], self._points)
+        self._counted = kind.counted if parts.measures is not None else 0
+        self._names_points = names_points or parts.is_thick or kind.edges is not None
+        if self._names_points:
+            self._to_points = self.primitive.add_connectivity("points", parts.points, [], kind.arity)
         if kind.is_plane:
             assert parts.planes is not None
             self._plane = self.primitive.add_connectivity("plane", parts.planes, [], 1)
@@ -97,7 +97,9 @@ class PairPrimitive:
             return self.primitive.add_constant("weight", 1, 1)
         weight: Attribute | None = None
         if kind.counted:
-            areas = self._of_points("half_area").block(0, 0, kind.counted, 1)
+            # By themselves: an area is a sum over triangles, and those of all points would be worked out.
+            counted = self.primitive.add_connectivity("counted", self.parts.points, [], kind.counted)
+            areas = self.primitive.add_attribute("areas", through=counted, source=measures.points["half_area"])
             if kind.is_plane:
                 weight = 2 * areas  # nobody else takes the other half
             elif kind.of_edges:
@@ -144,8 +146,10 @@ class PairPrimitive:
     def update(self, pairs: Pairs, laws: Ids) -> None:
         """Makes these pairs, with these laws [n], the instances."""
         given: dict[str, NDArray[Any]] = {"vertices": pairs.vertices, "law": laws.reshape(-1, 1)}
-        if self._points:
-            given["points"] = pairs.vertices[:, : self._points]
+        if self._names_points:
+            given["points"] = pairs.vertices
+        if self._counted:
+            given["counted"] = pairs.vertices[:, : self._counted]
         if self.parts.measures is None:
             given["weight"] = pairs.weight
         elif self.kind.of_edges:
