@@ -51,7 +51,9 @@ struct CloseSet {
     Thickness thickness;
     ImprovedMax improved_max;
     List<NearTriangle> near;
-    List<CloseEntry> entries;
+    List<uint64_t> order;
+    List<CloseEntry> found, entries;  // before and after equal ones became one
+    List<EntryKey> keys;
     double least_distance, least_gap;  // squared where nothing has a radius
 
     // Two edges. improved: they are not merged with others.
@@ -66,7 +68,7 @@ struct CloseSet {
         entry.share = share;
         if (improved)
             for (int k = 0; k < 2; ++k) entry.edges[k] = edges.of(v[2 * k], v[2 * k + 1]);
-        return entries.push(entry);
+        return found.push(entry);
     }
 
     // A vertex and a triangle. improved: they are kept for add_near.
@@ -83,24 +85,28 @@ struct CloseSet {
         if (!close) return true;
         CloseEntry entry = of_vertex_and_triangle(v, closest.features);
         entry.share = share;
-        return entries.push(entry);
+        return found.push(entry);
     }
 
     // How often each vertex counts at each place of the triangles near it.
     bool add_near(const Point* x, double reach) {
-        std::sort(near.begin(), near.end(),
-                  [](const NearTriangle& a, const NearTriangle& b) { return a.vertex < b.vertex; });
-        for (long k = 0, next; k < near.count; k = next) {
-            const int vertex = near[k].vertex;
-            for (next = k; next < near.count && near[next].vertex == vertex;) ++next;
+        order.clear();
+        if (!order.grow(near.count)) return false;
+        for (long k = 0; k < near.count; ++k) order.add(static_cast<uint64_t>(near[k].vertex) << 32 | k);
+        std::sort(order.begin(), order.end());
+        for (long k = 0, next; k < order.count; k = next) {
+            const uint64_t upper = order[k] >> 32;
+            for (next = k; next < order.count && order[next] >> 32 == upper;) ++next;
+            const int vertex = static_cast<int>(upper);
+            const auto triangle = [&](long t) -> const NearTriangle& { return near[order[k + t] & 0xffffffff]; };
             const auto add = [&](CloseEntry entry, int times, double share) {
                 entry.times[entry.vertices[0] == vertex ? 0 : 1] = times;
                 entry.edges[0] = entry.edges[1] = edges.count;
                 entry.share = share;
-                return entries.push(entry);
+                return found.push(entry);
             };
             const bool fine = improved_max.count(
-                &near[k], next - k, x, reach, thickness,
+                triangle, next - k, x, reach, thickness,
                 [&](const NearTriangle& t) { return add(of_vertex_and_triangle(&t.vertex, t.features), 1, t.share); },
                 [&](int a, int b, int times, double share) { return add(point_edge(vertex, a, b), times, share); },
                 [&](int a, int times, double share) { return add(point_point(vertex, a), times, share); });
@@ -109,20 +115,24 @@ struct CloseSet {
         return true;
     }
 
-    // Sorts the entries and makes one of equal ones; with improved max, none where they cancel.
-    void merge(bool improved) {
-        std::sort(entries.begin(), entries.end(), before);
-        long kept = 0;
-        for (long k = 0, next; k < entries.count; k = next) {
-            CloseEntry entry = entries[k];
-            for (next = k + 1; next < entries.count && same_entry(entry, entries[next]); ++next) {
-                entry.weight += entries[next].weight;
-                for (int c = 0; c < 2; ++c) entry.times[c] += entries[next].times[c];
+    // Sorts what was found, and makes one entry of equal ones; with improved max, none where they cancel. False: out of
+    // memory.
+    bool merge(bool improved) {
+        keys.clear(), entries.clear();
+        if (!keys.grow(found.count) || !entries.grow(found.count)) return false;
+        for (long k = 0; k < found.count; ++k) keys.add({found[k], static_cast<int>(k)});
+        std::sort(keys.begin(), keys.end(), Before{found.begin()});
+        for (long k = 0, next; k < keys.count; k = next) {
+            CloseEntry entry = found[keys[k].index];
+            for (next = k + 1; next < keys.count && same_entry(entry, found[keys[next].index]); ++next) {
+                const CloseEntry& other = found[keys[next].index];
+                entry.weight += other.weight;
+                for (int c = 0; c < 2; ++c) entry.times[c] += other.times[c];
             }
             const bool cancelled = improved && entry.edges[0] == edges.count && !entry.times[0] && !entry.times[1];
-            if (!cancelled) entries[kept++] = entry;
+            if (!cancelled) entries.add(entry);
         }
-        entries.count = kept;
+        return true;
     }
 
   private:
@@ -177,14 +187,13 @@ int yasps_close_set_find(void* close_set, const double* positions, const double*
                          long* ends, double* least) {
     const Point *const x = reinterpret_cast<const Point*>(positions), *const x0 = reinterpret_cast<const Point*>(rest);
     CloseSet& set = *static_cast<CloseSet*>(close_set);
-    set.near.clear(), set.entries.clear();
+    set.near.clear(), set.found.clear();
     set.least_distance = set.least_gap = INFINITY;
     for (long k = 0; k < edge_count; ++k)
         if (!set.look_at_edges(edge_edge + 4 * k, x, x0, reach, improved)) return kOutOfMemory;
     for (long k = 0; k < triangle_count; ++k)
         if (!set.look_at_triangle(vertex_triangle + 4 * k, x, x0, reach, improved)) return kOutOfMemory;
-    if (improved && !set.add_near(x, reach)) return kOutOfMemory;
-    set.merge(improved);
+    if ((improved && !set.add_near(x, reach)) || !set.merge(improved)) return kOutOfMemory;
     long end = 0;
     for (int kind = 0; kind < kKinds; ++kind) {
         while (end < set.entries.count && set.entries[end].kind == kind) ++end;
@@ -195,10 +204,18 @@ int yasps_close_set_find(void* close_set, const double* positions, const double*
     return kOk;
 }
 
-// Copies what was found last: [the last end].
-void yasps_close_set_copy(const void* close_set, void* entries) {
+// Copies what was found last, [the last end] each: vertices [4], weights, counts and edges [2], shares. Null: not
+// needed.
+void yasps_close_set_copy(const void* close_set, int* vertices, double* weights, int* counts, int* edges,
+                          double* shares) {
     const CloseSet& set = *static_cast<const CloseSet*>(close_set);
-    std::copy_n(set.entries.items.data, set.entries.count, static_cast<CloseEntry*>(entries));
+    for (long k = 0; k < set.entries.count; ++k) {
+        const CloseEntry& entry = set.entries[k];
+        std::copy_n(entry.vertices, 4, vertices + 4 * k);
+        weights[k] = entry.weight, shares[k] = entry.share;
+        if (counts != nullptr) std::copy_n(entry.times, 2, counts + 2 * k);
+        if (edges != nullptr) std::copy_n(entry.edges, 2, edges + 2 * k);
+    }
 }
 
 // The largest step in [0, 1] from start towards end at which every pair still has a tenth of its gap, to 1 %; -1 if one
@@ -210,34 +227,39 @@ double yasps_step_bound(const void* close_set, const double* start, const double
     const Point* const x0 = reinterpret_cast<const Point*>(rest);
     const Thickness& thickness = static_cast<const CloseSet*>(close_set)->thickness;
     double step = 1;
-    const auto look_at = [&](const int* v, int split) {
+    const auto moving = [&](const int* v, int split) {
         MovingPair pair;
         pair.split = split;
         for (int c = 0; c < 4; ++c) pair.at[c] = from[v[c]], pair.move[c] = to[v[c]] - pair.at[c];
+        return pair;
+    };
+    const auto look_at = [&](const int* v, int split) {
+        MovingPair pair = moving(v, split);
         const Closest closest = pair.closest(pair.at);
-        if (!thickness.any()) {
-            if (!(closest.squared > touching * touching)) return false;
-            step = std::min(step, time_apart(pair, closest, 0, step));
-            return true;
-        }
+        if (!(closest.squared > touching * touching)) return false;
+        step = std::min(step, time_apart(pair, closest, 0, step));
+        return true;
+    };
+    const auto look_at_thick = [&](const int* v, int split) {
+        MovingPair pair = moving(v, split);
+        const Closest closest = pair.closest(pair.at);
         const double offset = thickness.offset(v, pair.at, split, closest.features), least = thickness.least(v, split);
         const double distance = sqrt(closest.squared);
-        const MovingPair moving = pair;
-        if (distance - offset > touching) {
-            const double time = time_apart(pair, closest, least, step);
-            if (!(time < step)) return true;
-        }
+        if (distance - offset > touching && !(time_apart(pair, closest, least, step) < step)) return true;
         const double share = thickness.share(v, split, x0);  // it costs more, and allows more
         if (!(distance - share * offset > touching)) return false;
-        pair = moving;
+        pair = moving(v, split);
         step = std::min(step, time_apart(pair, closest, share * least, step));
         return true;
     };
-    for (long k = 0; k < edge_count; ++k)
-        if (!look_at(edge_edge + 4 * k, 2)) return -1;
-    for (long k = 0; k < triangle_count; ++k)
-        if (!look_at(vertex_triangle + 4 * k, 1)) return -1;
-    return step;
+    const auto all = [&](const auto& look) {
+        for (long k = 0; k < edge_count; ++k)
+            if (!look(edge_edge + 4 * k, 2)) return false;
+        for (long k = 0; k < triangle_count; ++k)
+            if (!look(vertex_triangle + 4 * k, 1)) return false;
+        return true;
+    };
+    return (thickness.any() ? all(look_at_thick) : all(look_at)) ? step : -1;
 }
 
 // Where on the way from start to end ([vertices, 3], of ids [count]) all vertices are nearest to `positions`, and the

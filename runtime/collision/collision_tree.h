@@ -26,6 +26,10 @@ struct Box {
         lower = smaller(lower, other.lower), upper = larger(upper, other.upper);
         slowest = smaller(slowest, other.slowest), fastest = larger(fastest, other.fastest);
     }
+    void grow(double radius) {
+        const f4 around = f4{} + static_cast<float>(radius);
+        lower -= around, upper += around;
+    }
     // The largest number that a start or an end in it has.
     float largest() const {
         float size = 0;
@@ -34,12 +38,11 @@ struct Box {
         return size;
     }
 };
-inline Box box_of(Point start, Point end, double radius) {
+inline Box box_of(Point start, Point end) {
     const Point way = end - start;
     const f4 from = {static_cast<float>(start.x), static_cast<float>(start.y), static_cast<float>(start.z), 0};
     const f4 along = {static_cast<float>(way.x), static_cast<float>(way.y), static_cast<float>(way.z), 0};
-    const f4 around = f4{} + static_cast<float>(radius);
-    return {from - around, from + around, along, along};
+    return {from, from, along, along};
 }
 
 // Whether what both boxes hold may come within `reach` of each other, in all coordinates.
@@ -186,7 +189,11 @@ struct Tree {
         const int begin = kBlock * at_block;
         for (int k = begin; k < end_of(at_block + 1); ++k) {
             const int* const ids = at(k);
-            const auto around = [&](int v) { return box_of(start[v], end[v], radii == nullptr ? 0 : radii[v]); };
+            const auto around = [&](int v) {
+                Box box = box_of(start[v], end[v]);
+                if (radii != nullptr) box.grow(radii[v]);
+                return box;
+            };
             Box box = around(ids[0]);
             for (int c = 1; c < arity; ++c) box.include(around(ids[c]));
             block.set(k - begin, box);

@@ -38,19 +38,20 @@ class ImprovedMax {
         return true;
     }
 
-    // near: [count], all of one vertex; x: all places. `inside(triangle)`, `on_side(a, b, times, share)` with a < b,
-    // and `at_corner(a, times, share)` take what counts other than 0 times; each a bool, false: out of memory.
-    template <class Inside, class OnSide, class AtCorner>
-    bool count(const NearTriangle* near, long count, const Point* x, double reach, const Thickness& thickness,
+    // near(t): the triangles near one vertex, [count]; x: all places. `inside(triangle)`, `on_side(a, b, times, share)`
+    // with a < b, and `at_corner(a, times, share)` take what counts other than 0 times; each a bool, false: out of
+    // memory.
+    template <class Near, class Inside, class OnSide, class AtCorner>
+    bool count(const Near& near, long count, const Point* x, double reach, const Thickness& thickness,
                const Inside& inside, const OnSide& on_side, const AtCorner& at_corner) {
         sides_.clear(), touched_.clear();
         if (!sides_.grow(3 * count) || !touched_.grow(3 * count)) return false;
-        const int vertex = near[0].vertex;
+        const int vertex = near(0).vertex;
         const Point p = x[vertex];
         bool even = true, fine = true;  // even: one share for all
-        for (long t = 1; t < count; ++t) even = even && near[t].share == near[0].share;
+        for (long t = 1; t < count; ++t) even = even && near(t).share == near(0).share;
         for (long t = 0; t < count; ++t) {
-            const NearTriangle& triangle = near[t];
+            const NearTriangle& triangle = near(t);
             const int features = triangle.close ? triangle.features : kNone;
             if (features >= kInside) fine = inside(triangle) && fine;
             for (int k = 0; k < 3; ++k) {
@@ -62,7 +63,8 @@ class ImprovedMax {
                     if (at_this) fine = at_corner(a, 1, triangle.share) && fine;
                     on_this = at_this = false;
                 }
-                sides_.add({first, second, on_this, triangle.share});
+                const uint64_t ends = static_cast<uint64_t>(first) << 32 | static_cast<uint64_t>(second);
+                sides_.add({ends, static_cast<int>(t), on_this});
                 Corner& corner = corners_[a];
                 if (corner.around == kUntouched) corner = {1, 0, triangle.share}, touched_.add(a);
                 ++corner.around;
@@ -72,24 +74,25 @@ class ImprovedMax {
         }
         std::sort(sides_.begin(), sides_.end());
         for (long k = 0, next; k < sides_.count; k = next) {
-            const Side side = sides_[k];
+            const uint64_t ends = sides_[k].ends;
+            const int first = static_cast<int>(ends >> 32), second = static_cast<int>(ends & 0xffffffff);
             int times = 0;
-            double share = side.share;
-            for (next = k; next < sides_.count && !(side < sides_[next]); ++next) {
+            double share = 1;
+            for (next = k; next < sides_.count && sides_[next].ends == ends; ++next) {
                 times += sides_[next].closest;
-                share = std::min(share, sides_[next].share);
+                share = std::min(share, near(sides_[next].triangle).share);
             }
-            --corners_[side.a].around, --corners_[side.b].around;
+            --corners_[first].around, --corners_[second].around;
             const int own = 1 - static_cast<int>(next - k);
             if (own != 0) {
-                const Point a = x[side.a], b = x[side.b];
+                const Point a = x[first], b = x[second];
                 const Closest closest = closest_on_edge(p, a, b);
-                const int end = closest.features == 0 ? side.a : side.b;
+                const int end = closest.features == 0 ? first : second;
                 double far = reach;
                 if (thickness.any()) {
-                    const double *r = thickness.radii, first = r[side.a], second = r[side.b];
+                    const double* const r = thickness.radii;
                     const bool middle = closest.features == kBetween;
-                    far += share * (r[vertex] + (middle ? radius_on_edge(p, a, b, first, second) : r[end]));
+                    far += share * (r[vertex] + (middle ? radius_on_edge(p, a, b, r[first], r[second]) : r[end]));
                 }
                 if (closest.squared < far * far) {
                     if (closest.features == kBetween)
@@ -100,7 +103,7 @@ class ImprovedMax {
                         fine = at_corner(end, own, share) && fine;
                 }
             }
-            if (times != 0) fine = on_side(side.a, side.b, times, share) && fine;
+            if (times != 0) fine = on_side(first, second, times, share) && fine;
         }
         for (const int a : touched_) {
             Corner corner = corners_[a];
@@ -119,10 +122,10 @@ class ImprovedMax {
   private:
     static constexpr int kUntouched = INT_MIN, kNone = -1;
     struct Side {
-        int a, b;
+        uint64_t ends;  // the lower, then the upper one
+        int triangle;
         bool closest;  // to the vertex, of its triangle
-        double share;
-        bool operator<(const Side& other) const { return a != other.a ? a < other.a : b < other.b; }
+        bool operator<(const Side& other) const { return ends < other.ends; }
     };
     struct Corner {
         int around;  // 1 + triangles - edges at it

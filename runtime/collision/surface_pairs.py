@@ -9,6 +9,7 @@ from __future__ import annotations
 import ctypes
 import weakref
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 
@@ -17,16 +18,6 @@ from yasps.runtime.core.uncopied import Uncopied
 
 KINDS = 7
 """Kinds of close pairs, in the order of `Kind` in close_pairs.cpp."""
-_ENTRY = np.dtype(
-    [
-        ("kind", "i4"),
-        ("vertices", "i4", (4,)),
-        ("edges", "i4", (2,)),
-        ("counts", "i4", (2,)),
-        ("weight", "i4"),
-        ("share", "f8"),
-    ]
-)
 _SEARCHES_PER_ORDER = 16
 """How many searches use one order of the trees: a better one costs as much as a few searches in a bad one."""
 _FEW = 256
@@ -48,12 +39,12 @@ class SurfacePairs:
 class ClosePairs:
     """Pairs of one kind, sorted by their vertices, edges and share; see `ActiveSet` in yasps/contact/active_set.py.
 
-    vertices: int32 [n, 4], 0 in places that the kind does not use. weight: int32 [n], how many pairs. counts, edges:
+    vertices: int32 [n, 4], 0 in places that the kind does not use. weight: float64 [n], how many pairs. counts, edges:
     int32 [n, 2], 0 without improved max. share: float64 [n], of the offset by the radii.
     """
 
     vertices: IntArray
-    weight: IntArray
+    weight: FloatArray
     counts: IntArray
     edges: IntArray
     share: FloatArray
@@ -197,14 +188,19 @@ class Surface(Uncopied):
             least,
         )
         check_status(status)
-        found = np.empty(ends[-1], _ENTRY)
-        library.yasps_close_set_copy(self._close_set, found.ctypes.data)
-        kinds = []
-        begin = 0
-        for end in ends:
-            part = found[begin:end]
-            kinds.append(ClosePairs(*(part[name] for name in ("vertices", "weight", "counts", "edges", "share"))))
-            begin = end
+        count = ends[-1]
+        vertices, weight, share = np.empty((count, 4), np.int32), np.empty(count), np.empty(count)
+        counts, edges = np.zeros((count, 2), np.int32), np.zeros((count, 2), np.int32)
+        library.yasps_close_set_copy(
+            self._close_set,
+            vertices.ctypes.data,
+            weight.ctypes.data,
+            counts.ctypes.data if improved_max else None,
+            edges.ctypes.data if improved_max else None,
+            share.ctypes.data,
+        )
+        parts = [slice(begin, end) for begin, end in pairwise([0, *ends])]
+        kinds = [ClosePairs(*(array[part] for array in (vertices, weight, counts, edges, share))) for part in parts]
         return kinds, *least
 
     def step_bound(

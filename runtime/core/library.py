@@ -125,7 +125,7 @@ _SIGNATURES: dict[str, tuple[type | None, tuple[type, ...]]] = {
             _pointer,
         ),
     ),
-    "yasps_close_set_copy": (None, (_pointer, _pointer)),
+    "yasps_close_set_copy": (None, (_pointer, _pointer, _pointer, _pointer, _pointer, _pointer)),
     "yasps_step_bound": (
         _double,
         (_pointer, _pointer, _pointer, _pointer, _double, _pointer, _long, _pointer, _long),

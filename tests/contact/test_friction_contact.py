@@ -153,6 +153,10 @@ def test_only_pairs_with_friction_are_in_it() -> None:
         given = contact.friction.primitives[name].primitive
         np.testing.assert_array_equal(given.vertices.indices, pairs.vertices[lower])
     assert contact.friction.primitives["point_triangle"].primitive.num_instances > 0
+    contact.parts.laws["friction"].update_value(np.full(len(contact.laws.friction), 0.1))
+    contact.lag()  # now all plates rub
+    for name, pairs in contact.active.kinds().items():
+        assert contact.friction.primitives[name].primitive.num_instances == len(pairs)
     smooth, _ = contact_scene(points, faces, 0.07, table=ContactTable(), slip_length=None)
     assert smooth.friction is None
     assert not hasattr(smooth.parts.mesh, "point_point_friction")

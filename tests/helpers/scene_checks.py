@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-
 import ipctk
 import numpy as np
 from numpy.typing import NDArray
 
-from yasps.bodies import Body, HalfSpace, MovingObstacle
+from yasps.bodies import Body, HalfSpace
 from yasps.simulation import Simulation
 
 Floats = NDArray[np.float64]
@@ -51,13 +49,6 @@ def least_distance_between_bodies(simulation: Simulation) -> float:
     near = ipctk.NormalCollisions()
     near.build(mesh, points, 2 * simulation.activation_distance, 0.0, ipctk.BruteForce())
     return float(np.sqrt(near.compute_minimum_distance(mesh, points))) if len(near) else np.inf
-
-
-def drive(simulation: Simulation, body: Body, places: Callable[[float], Floats]) -> None:
-    """Moves an obstacle: its vertices are at places(time) [m] at the end of every step."""
-    assert isinstance(body, MovingObstacle)
-    assert body in simulation.bodies
-    body.motion = places
 
 
 def contact_forces_on(simulation: Simulation, body: Body) -> Floats:

@@ -41,7 +41,7 @@ def build(name: str, kind: str, friction: float, radius: float, *, jitter: float
     else:
         bodies = [AffineBody(scene, f"body_{k}", s, youngs_modulus=1e7, radius=radius) for k, s in enumerate(shapes)]
     still = Obstacle(scene, "obstacle", joined(obstacles), radius=radius)
-    return Simulation(
+    simulation = Simulation(
         scene,
         [*bodies, still],
         activation_distance=1e-3,
@@ -50,6 +50,8 @@ def build(name: str, kind: str, friction: float, radius: float, *, jitter: float
         velocities=dict.fromkeys(bodies, FALL),
         settings=NewtonSettings(velocity_tolerance=0.1 * EPS_V, solver="direct"),
     )
+    simulation.rescue = 0
+    return simulation
 
 
 def run(simulation: Simulation, steps: int, radius: float) -> None:

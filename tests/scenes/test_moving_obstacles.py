@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from scene_checks import drive, surfaces_intersect
+from scene_checks import surfaces_intersect
 from scene_shapes import block, disc, outside, turned
 
 from yasps import Scene, YaspsError
@@ -45,11 +45,11 @@ def plate(height: float, size: float = 0.3, thickness: float = 0.02) -> Triangle
 def press(speed: float, steps: int) -> None:
     """A plate comes down on a soft block on the ground, however the block resists; nothing ever crosses."""
     scene = Scene("press", threads=1)
-    shape = block((SIZE,) * 3, (2, 2, 2)).translated((0.0, 0.0, 5e-4))
-    body = SoftBody(scene, "block", shape, youngs_modulus=1e5, poisson_ratio=0.3)
-    above = MovingObstacle(scene, "plate", plate(SIZE + 2e-3))
+    cube = block((SIZE,) * 3, (2, 2, 2)).translated((0.0, 0.0, 5e-4))
+    body = SoftBody(scene, "block", cube, youngs_modulus=1e5, poisson_ratio=0.3)
+    start = plate(SIZE + 2e-3)
+    above = MovingObstacle(scene, "plate", start, motion=lambda time: start.vertices - speed * time * UP)
     simulation = simulate(scene, [body, above, HalfSpace(scene, "ground")], 0.3)
-    drive(simulation, above, lambda time: above.rest - speed * time * UP)
     for step in range(1, steps + 1):
         simulation.step()
         assert not surfaces_intersect(simulation)
@@ -80,9 +80,9 @@ def turntable(friction: float, seconds: float) -> list[float]:
     scene = Scene("turntable", threads=1)
     shape = block((SIZE,) * 3).translated((RADIUS, 0.0, 9e-4))
     body = AffineBody(scene, "block", shape, youngs_modulus=1e7)
-    table = MovingObstacle(scene, "table", disc(1.5))
+    start = disc(1.5)
+    table = MovingObstacle(scene, "table", start, motion=lambda time: turned(start.vertices, RATE * time))
     simulation = simulate(scene, [body, table], friction)
-    drive(simulation, table, lambda time: turned(table.rest, RATE * time))
     simulation.set_velocity(body, (0.0, RATE * RADIUS, 0.0), angular=(0.0, 0.0, RATE))
     found = []
     for step in range(round(seconds / DT)):
@@ -122,9 +122,9 @@ def test_a_plate_at_100_metres_a_second_takes_a_cube_along(kind: str) -> None:
         if kind == "affine"
         else SoftBody(scene, "block", shape, youngs_modulus=1e8)
     )
-    wall = MovingObstacle(scene, "plate", plate(0.3))
+    start = plate(0.3)
+    wall = MovingObstacle(scene, "plate", start, motion=lambda time: start.vertices + 100.0 * time * UP)
     simulation = simulate(scene, [body, wall], 0.3, gravity=0.0)
-    drive(simulation, wall, lambda time: wall.rest + 100.0 * time * UP)
     for step in range(1, 4):
         simulation.step()
         assert not surfaces_intersect(simulation)
@@ -133,6 +133,12 @@ def test_a_plate_at_100_metres_a_second_takes_a_cube_along(kind: str) -> None:
 
 
 # ---- moves that can't be made ----
+
+
+def coming_down(scene: Scene, height: float) -> MovingObstacle:
+    """A plate that comes down at 5 m/s."""
+    start = plate(height)
+    return MovingObstacle(scene, "plate", start, motion=lambda time: start.vertices - 5.0 * time * UP)
 
 
 def check_refused(simulation: Simulation, bodies: list[Body], words: tuple[str, ...]) -> None:
@@ -157,9 +163,8 @@ def test_an_obstacle_that_presses_through_a_body_into_another_obstacle_is_refuse
     scene = Scene("jammed", threads=1)
     shape = block((SIZE,) * 3).translated((0.0, 0.0, 5e-4))
     body = AffineBody(scene, "block", shape, youngs_modulus=1e8)
-    above, anvil = MovingObstacle(scene, "plate", plate(SIZE + 2e-3)), Obstacle(scene, "anvil", plate(-0.02))
+    above, anvil = coming_down(scene, SIZE + 2e-3), Obstacle(scene, "anvil", plate(-0.02))
     simulation = simulate(scene, [body, above, anvil], 0.0)
-    drive(simulation, above, lambda time: above.rest - 5.0 * time * UP)
     check_refused(simulation, [body, above], ("plate",))
 
 
@@ -167,9 +172,8 @@ def test_an_obstacle_that_runs_into_another_is_refused() -> None:
     """Nothing is between them; they are obstacles, and neither yields."""
     scene = Scene("obstacles", threads=1)
     body = AffineBody(scene, "block", block((SIZE,) * 3).translated((0.0, 0.0, 1.0)), youngs_modulus=1e8)
-    above, anvil = MovingObstacle(scene, "plate", plate(0.1)), Obstacle(scene, "anvil", plate(-0.02))
+    above, anvil = coming_down(scene, 0.1), Obstacle(scene, "anvil", plate(-0.02))
     simulation = simulate(scene, [body, above, anvil], 0.0)
-    drive(simulation, above, lambda time: above.rest - 5.0 * time * UP)
     check_refused(simulation, [body, above], ("plate", "anvil"))
 
 

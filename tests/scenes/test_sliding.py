@@ -10,12 +10,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from closed_forms import creep_speed, pressure_over_stiffness, relative_gap, speeds
-from scene_shapes import SLOPE, block, slope_directions, slope_mesh
+from scene_shapes import SLOPE, block, lower_areas, point_areas, slope_directions, slope_mesh
 
 from yasps import Scene
 from yasps.bodies import AffineBody, HalfSpace, Obstacle, SoftBody
 from yasps.contact import ContactTable
-from yasps.meshes import TetrahedralMesh
 from yasps.simulation import Simulation
 from yasps.stepping import NewtonSettings
 
@@ -23,6 +22,7 @@ GRAVITY = 9.8  # m/s^2
 EPS_V = 1e-3  # m/s
 DISTANCE = 1e-3  # m, of activation
 DENSITY = 1000.0  # kg/m^3
+WEIGHT = DENSITY * GRAVITY  # N, of a cubic metre
 MODULUS = {"affine": 1e7, "soft": 1e9}  # Pa
 DOWN, NORMAL = slope_directions(SLOPE)[1], slope_directions(SLOPE)[0]
 
@@ -32,12 +32,11 @@ def on_plane(
 ) -> tuple[Simulation, AffineBody | SoftBody]:
     """A unit cube that lies on a plane of that slope, at the gap at which the barrier bears its weight."""
     normal, _ = slope_directions(angle)
-    pressure = DENSITY * GRAVITY * np.cos(angle)
-    stiffness = 0.1 * MODULUS[kind]
-    # Over a plane of two large triangles only one side of the pair counts: half the weights, twice the pressure.
-    gap = DISTANCE * relative_gap(pressure * (1.0 if plane == "half-space" else 2.0), stiffness)
     shape = block((1.0, 1.0, 1.0))
-    shape = TetrahedralMesh(shape.vertices, shape.tets).rotated((0.0, 1.0, 0.0), angle).translated(gap * normal)
+    # Over a plane of two large triangles only one side of the pair counts: half the weights, twice the pressure.
+    area = point_areas(shape)[lower_areas(shape) > 0].sum() * (1.0 if plane == "half-space" else 0.5)
+    gap = DISTANCE * relative_gap(WEIGHT * np.cos(angle) / area, 0.1 * MODULUS[kind])
+    shape = shape.rotated((0.0, 1.0, 0.0), angle).translated(gap * normal)
     scene = Scene("sliding", threads=1)
     make = SoftBody if kind == "soft" else AffineBody
     body = make(scene, "block", shape, density=DENSITY, youngs_modulus=MODULUS[kind])
@@ -53,8 +52,14 @@ def on_plane(
         activation_distance=DISTANCE,
         contacts=ContactTable(friction=friction),
         eps_v=eps_v,
-        settings=NewtonSettings(velocity_tolerance=0.1 * eps_v, solver="direct"),
+        settings=NewtonSettings(velocity_tolerance=0.1 * eps_v, force_tolerance=1e-6 * WEIGHT, solver="direct"),
     )
+    simulation.rescue = 0
+    # First it settles straight onto the plane.
+    simulation.gravity.update_value(-GRAVITY * np.cos(angle) * normal)
+    for _ in range(10):
+        simulation.step()
+    simulation.gravity.update_value([0.0, 0.0, -GRAVITY])
     return simulation, body
 
 
@@ -113,7 +118,7 @@ def slips(kind: str, plane: str, steps: int) -> None:
     half = steps // 2
     assert found[half] > 2 * EPS_V
     rate = (found[-1] - found[half]) / ((steps - 1 - half) * 0.01)
-    assert rate == pytest.approx(GRAVITY * (np.sin(SLOPE) - 0.49 * np.cos(SLOPE)), rel=1e-2)
+    assert rate == pytest.approx(GRAVITY * (np.sin(SLOPE) - 0.49 * np.cos(SLOPE)), rel=1e-3)
 
 
 def sticks(kind: str, plane: str, steps: int) -> None:
@@ -123,10 +128,10 @@ def sticks(kind: str, plane: str, steps: int) -> None:
     for _ in range(steps):
         simulation.step()
         found.append(float(mean_velocity(simulation, body) @ DOWN))
-    assert max(found) < EPS_V
+    assert max(found[steps // 2 :]) < EPS_V  # at first the block leans
     creep = creep_speed(np.sin(SLOPE), 0.51 * np.cos(SLOPE), EPS_V)
-    assert found[-1] == pytest.approx(creep, abs=0.1 * EPS_V)
-    assert abs(float(mean_velocity(simulation, body) @ NORMAL)) < 0.1 * EPS_V
+    assert found[-1] == pytest.approx(creep, rel=1e-3)
+    assert abs(float(mean_velocity(simulation, body) @ NORMAL)) < 1e-3 * EPS_V
 
 
 def test_the_slope_slips_at_49_and_sticks_at_51() -> None:

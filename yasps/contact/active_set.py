@@ -130,8 +130,8 @@ def active_set_of(kinds: Sequence[ClosePairs], minimum_distance: float, minimum_
 def _pairs(pairs: ClosePairs, arity: int) -> Pairs:
     return Pairs(
         np.ascontiguousarray(pairs.vertices[:, :arity]),
-        pairs.weight.astype(np.float64),
-        np.ascontiguousarray(pairs.counts),
-        np.ascontiguousarray(pairs.edges),
-        pairs.share.copy(),
+        pairs.weight,
+        pairs.counts,
+        pairs.edges,
+        pairs.share,
     )

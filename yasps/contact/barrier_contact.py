@@ -166,7 +166,7 @@ class BarrierContact(InScene):
         self.friction: Friction | None = None
         if slip_length is not None:
             self.friction = Friction(
-                self.parts, kinds, self.laws, slip_length=slip_length, positions=positions, projection=projection
+                self.parts, kinds, slip_length=slip_length, positions=positions, projection=projection
             )
         self._given: dict[str, Pairs] = {}
         self._kept: Candidates | None = None

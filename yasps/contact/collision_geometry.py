@@ -83,16 +83,15 @@ class CollisionGeometry(Uncopied):
         """Take the scene's surface.
 
         `rest_positions` [n, 3]: all vertices, where they are at rest; the edges' lengths there say from when on two
-        edges count as parallel. `triangles` [m, 3]: ids. `activation_distance` > 0: pairs closer than this are
-        active. `edges` [k, 2]: further edges, of rods and curves; their ends meet triangles, and they meet all
-        edges. `points` [p]: ids of loose vertices, in no triangle or edge, that meet triangles, those edges that are in
-        no triangle, and each other. `radii` >= 0, one or [n]: surfaces are that thick at each vertex, on either
-        side; see below. `fixed` [n] bool: vertices that no energy moves; no pair of only fixed vertices is reported.
-        `group` [n] int: no pair inside one group is reported; negative means no group. `class_of` [n] int, `allowed`
-        [c, c] bool: pairs of classes that are not allowed are neither reported nor do they cross. `objects`: name ->
-        number of vertices, in the order of the union; default: all are one. `improved_max`: entries of the active set
-        have counts and edges; a vertex counts at all triangles near it as often as at its nearest alone, once.
-        `runtime`: loaded if not given.
+        edges count as parallel. `triangles` [m, 3]: ids. `activation_distance` > 0: pairs closer than this are active.
+        `edges` [k, 2]: further edges, of rods and curves; their ends meet triangles, and they meet all edges. `points`
+        [p]: ids of loose vertices, in no triangle or edge, that meet triangles, those edges that are in no triangle,
+        and each other. `radii` >= 0, one or [n]: surfaces are that thick at each vertex, on both sides; see below.
+        `fixed` [n] bool: vertices that no energy moves; no pair of only fixed vertices is reported. `group` [n] int: no
+        pair inside one group is reported; negative means no group. `class_of` [n] int, `allowed` [c, c] bool: pairs of
+        classes that are not allowed are neither reported nor do they cross. `objects`: name -> number of vertices, in
+        the order of the union; default: all are one. `improved_max`: entries of the active set have counts and edges; a
+        vertex counts at all triangles near it as often as at its nearest alone, once. `runtime`: loaded if not given.
 
         With radii, the gap of a pair is its distance less its offset, the sum of both radii where it is closest. Pairs
         are active, and steps are bounded, by the gap. Pairs of one object whose gap at rest is less than the activation

@@ -135,16 +135,21 @@ def laws_of(
     # Bodies of one modulus that the table does not name meet all others in the same way.
     keys = [(name if name in table.names else "", float(moduli.get(name, np.inf))) for name in names]
     classes = list(dict.fromkeys(keys))
+    said: set[tuple[float | None, float]] = set()
     rows: dict[tuple[float, float, float], int] = {}
     law_of = np.zeros((len(classes), len(classes)), np.int32)
     enabled = np.ones((len(classes), len(classes)), np.bool_)
     softest = min((modulus for _, modulus in classes), default=np.inf)
     for i, (one, first) in enumerate(classes):
         for j, (other, second) in enumerate(classes[: i + 1]):
-            friction, kinetic, given, enabled[i, j] = table.entry(one, other)
+            friction, kinetic, own, enabled[i, j] = table.entry(one, other)
             # Two that nothing moves don't push each other; any number will do.
             modulus = min(first, second) if np.isfinite(min(first, second)) else softest
-            kappa = _stiffness(given if given is not None else stiffness, modulus, f"{one or '*'} and {other or '*'}")
+            given = stiffness if own is None else own
+            if enabled[i, j] and (given, modulus) not in said:
+                said.add((given, modulus))
+                _announce(given, modulus, [names[keys.index(classes[k])] for k in (j, i)])
+            kappa = MODULUS_SHARE * modulus if given is None else given
             law_of[i, j] = law_of[j, i] = rows.setdefault((kappa, friction, kinetic), len(rows))
             enabled[j, i] = enabled[i, j]
     numbers = np.array(list(rows), np.float64).reshape(-1, 3)
@@ -160,17 +165,21 @@ def laws_of(
     )
 
 
-def _stiffness(given: float | None, modulus: float, what: str) -> float:
-    """The stiffness of a pair; default: a share of the modulus. Announces what it takes, and what is far off."""
+def _announce(given: float | None, modulus: float, bodies: Sequence[str]) -> None:
+    """Says which stiffness [Pa] a pair of bodies, and others like it, has by default; warns of one that is far off.
+
+    Raises SceneError if there is no default.
+    """
     default = MODULUS_SHARE * modulus
+    what = " and ".join(map(repr, bodies))
     if given is None:
         if not np.isfinite(default):
             raise SceneError(
-                "nothing says how stiff contact is: give a stiffness [Pa], or bodies with a finite contact_modulus"
+                f"nothing says how stiff contact of {what} is: give a stiffness [Pa], or bodies with a finite "
+                "contact_modulus"
             )
         LOGGER.info("contact of %s: stiffness %.3g Pa, a tenth of the softer modulus", what, default)
-        return default
-    if np.isfinite(default) and not default / FAR_OFF <= given <= default * FAR_OFF:
+    elif np.isfinite(default) and not default / FAR_OFF <= given <= default * FAR_OFF:
         LOGGER.warning(
             "contact of %s: a stiffness of %.3g Pa is far from a tenth of the softer modulus, %.3g Pa: %s",
             what,
@@ -178,7 +187,6 @@ def _stiffness(given: float | None, modulus: float, what: str) -> float:
             default,
             "surfaces come very near each other" if given < default else "steps are hard to solve",
         )
-    return given
 
 
 def _checked(entry: _Entry, what: str) -> _Entry:

@@ -14,7 +14,6 @@ import numpy as np
 
 from yasps import Attribute, FloatArray, Mesh, SceneError, constant, maximum, select
 from yasps.contact.active_set import Ids, Pairs
-from yasps.contact.contact_table import ContactLaws
 from yasps.contact.kinds import Kind
 from yasps.contact.pair_primitive import ContactParts, PairPrimitive
 from yasps.frontend.language.arrays import positive_number
@@ -102,7 +101,6 @@ class Friction:
         self,
         parts: ContactParts,
         kinds: Mapping[str, Kind],
-        laws: ContactLaws,
         *,
         slip_length: float | Attribute,
         positions: FloatArray,
@@ -111,11 +109,10 @@ class Friction:
         """Adds primitives and energies, without pairs.
 
         slip_length [m]: how far a pair slips within a step before friction has its full force, a number or an attribute
-        of mesh or scene. laws: of the primitive `laws` of the parts. positions: of all vertices now, [n, 3]. Raises
-        NameTakenError.
+        of mesh or scene. positions: of all vertices now, [n, 3]. Raises NameTakenError.
         """
         mesh, points = parts.mesh, parts.points
-        self._laws = laws
+        self._coefficients = parts.laws["friction"]
         if not isinstance(slip_length, Attribute):
             slip_length = mesh.add_constant("slip_length", 1, 1, value=slip_length)
         self.slip_length = slip_length
@@ -147,7 +144,8 @@ class Friction:
     def take(self, positions: FloatArray, pairs: Mapping[str, Pairs], laws: Mapping[str, Ids]) -> None:
         """Lags friction: takes normal forces, closest points and tangent planes from these positions [n, 3], and the
         pairs that are close there, of which those rub whose law [n of the kind] has friction."""
-        rubs = {name: self._laws.friction[laws[name]] > 0 for name in pairs}
+        has_friction = self._coefficients.value > 0
+        rubs = {name: has_friction[laws[name]] for name in pairs}
         chosen = {name: (all_of.chosen(rubs[name]), laws[name][rubs[name]]) for name, all_of in pairs.items()}
         self.load(replace(self._lag, positions=positions, pairs=chosen))
 

@@ -157,7 +157,9 @@ class Arrival:
 
     def minimize(self) -> NewtonReport:
         try:
-            return self.stepper.minimize(self.fixed() if self.is_there else None)
+            if self.is_there:
+                return self.stepper.minimize(self.fixed())
+            return self.stepper.minimize_once()
         except (NotConvergedError, NotFiniteError) as error:
             if self.is_there:
                 raise

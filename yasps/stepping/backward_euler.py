@@ -150,7 +150,7 @@ class BackwardEuler(InScene):
 
     def minimize(self, fixed: Mapping[Attribute, ArrayLike] | None = None) -> NewtonReport:
         """One minimisation, with these instances of targets fixed; with lagging="converged" as many as that takes."""
-        report = self._minimize_once(fixed)
+        report = self.minimize_once(fixed)
         if self.contact is None or self.contact.friction is None or self.lagging == "once":
             return report
         for passes in range(1, LAGGING_PASSES + 1):
@@ -158,7 +158,7 @@ class BackwardEuler(InScene):
             # That nothing is left to do with the new lag, the forces say, or a direction that moves nothing any more.
             if self.settings.asks_for_forces and self._forces_hold(report, fixed):
                 return replace(report, lagging_passes=passes, lag_converged=True)
-            again = self._minimize_once(fixed)
+            again = self.minimize_once(fixed)
             report = report.followed_by(again)
             if not self.settings.asks_for_forces and again.iterations == 1:
                 return replace(report, lagging_passes=passes + 1, lag_converged=True)
@@ -170,7 +170,8 @@ class BackwardEuler(InScene):
         )
         return replace(report, lagging_passes=LAGGING_PASSES + 1, lag_converged=False)
 
-    def _minimize_once(self, fixed: Mapping[Attribute, ArrayLike] | None) -> NewtonReport:
+    def minimize_once(self, fixed: Mapping[Attribute, ArrayLike] | None = None) -> NewtonReport:
+        """One minimisation, with these instances of targets fixed."""
         return minimize(
             self.scene,
             [part.position for part in self.parts],

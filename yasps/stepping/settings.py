@@ -97,4 +97,6 @@ class NewtonReport:
             step_lengths=[*self.step_lengths, *other.step_lengths],
             projected=self.projected + other.projected,
             direct_solves=self.direct_solves + other.direct_solves,
+            lagging_passes=max(self.lagging_passes, other.lagging_passes),
+            lag_converged=False if self.lag_converged is False else other.lag_converged,
         )

@@ -153,7 +153,7 @@ MUTATIONS = (
     Mutation(
         "equal entries are dropped without their weight",
         PAIRS,
-        "entry.weight += entries[next].weight;",
+        "entry.weight += other.weight;",
         "entry.weight += 0;",
         POTENTIAL,
     ),
@@ -272,17 +272,17 @@ MUTATIONS = (
         (IMPROVED,),
     ),
     Mutation(
-        "edges have the largest share of their triangles'",
+        "edges have the share of one of their triangles",
         MAX,
-        "share = std::min(share, sides_[next].share);",
-        "share = std::max(share, sides_[next].share);",
+        "share = std::min(share, near(sides_[next].triangle).share);",
+        "share = std::min(share, near(sides_[k].triangle).share);",
         (f"{THICKNESS}::test_energy_is_continuous_where_the_closest_feature_changes",),
     ),
     Mutation(
         "boxes are no larger by the radii",
         "runtime/collision/collision_tree.h",
-        "const f4 around = f4{} + static_cast<float>(radius);",
-        "const f4 around = f4{} + 0 * static_cast<float>(radius);",
+        "lower -= around, upper += around;",
+        "lower -= around, upper += 0 * around;",
         (THICKNESS,),
     ),
     Mutation(
