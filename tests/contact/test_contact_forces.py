@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 import pytest
 from collision_scenes import SCENES
@@ -26,9 +24,9 @@ NAMES = (
 )
 
 
-def scene_of(name: str, barrier: str, radius: float = 0.0, **options: Any) -> tuple[Scene, BarrierContact]:
-    """Two free surfaces of one scene of the collision tests, as two objects over a half-space; with a radius, one that
-    varies from vertex to vertex up to it."""
+def scene_of(name: str, barrier: str = "log", radius: float = 3e-3) -> tuple[Scene, BarrierContact]:
+    """Two free surfaces of one scene of the collision tests, as two objects over a half-space, with friction and radii
+    that vary from vertex to vertex; all have one code."""
     (points, faces), dhat = SCENES[name]
     scene = Scene("surface", threads=1)
     mesh = scene.add_mesh("mesh")
@@ -48,7 +46,8 @@ def scene_of(name: str, barrier: str, radius: float = 0.0, **options: Any) -> tu
         radii=radius * np.random.default_rng(4).uniform(0.1, 1.0, len(points)),
         planes=[Plane("slope", tuple(UP.tolist()), tuple((lowest - (radius + 0.3 * dhat) * UP).tolist()))],
         objects={"one": half, "two": len(points) - half},
-        **options,
+        table=ContactTable(0.5, 0.2),
+        slip_length=1e-4,
     )
     scene.add_minimize_target(position)
     return scene, contact
@@ -56,8 +55,8 @@ def scene_of(name: str, barrier: str, radius: float = 0.0, **options: Any) -> tu
 
 def check_against_gradient(scene: Scene, contact: BarrierContact, forces: ContactForces) -> None:
     """All but the mapping to reduced coordinates: targets are the vertices' positions."""
-    (gradient,) = scene.gradient()
-    expected = -gradient.reshape(-1, 3)
+    gradients = [g for path, g in scene.compile().gradients().items() if path.endswith("barrier")]
+    expected = -np.sum(gradients, axis=0).reshape(-1, 3)
     # Nearly parallel edges: both computations lose the same digits, differently.
     np.testing.assert_allclose(forces.on_vertices("normal"), expected, atol=1e-12 * np.abs(expected).max())
     values = scene.energy_values()
@@ -68,7 +67,7 @@ def check_against_gradient(scene: Scene, contact: BarrierContact, forces: Contac
 
 @pytest.mark.parametrize(
     ("name", "barrier", "radius"),
-    [*((name, "log", 0.0) for name in NAMES), ("shaken", "paper", 0.0), ("shaken", "log", 3e-3)],
+    [*((name, "log", 3e-3) for name in NAMES), pytest.param("shaken", "paper", 0.0, marks=pytest.mark.nightly)],
 )
 def test_forces_are_those_of_the_scenes_gradient(name: str, barrier: str, radius: float) -> None:
     scene, contact = scene_of(name, barrier, radius)
@@ -79,7 +78,7 @@ def test_forces_are_those_of_the_scenes_gradient(name: str, barrier: str, radius
     check_against_gradient(scene, contact, forces)
     size = np.abs(forces.normal.forces).max(axis=(1, 2))
     between = forces.normal.kind != "half_space"
-    assert (np.abs(forces.normal.forces.sum(axis=1)).max(axis=1) <= 1e-15 * size)[between].all()
+    assert (np.abs(forces.normal.forces.sum(axis=1)).max(axis=1) <= 2e-15 * size)[between].all()
     whole = np.abs(forces.on_vertices()).max()
     sums = np.stack([forces.on_vertices()[forces.body_of == k].sum(axis=0) for k in range(2)])
     np.testing.assert_allclose(forces.on_bodies()[:2], sums, atol=1e-14 * whole)
@@ -89,7 +88,7 @@ def test_forces_are_those_of_the_scenes_gradient(name: str, barrier: str, radius
 
 
 def test_a_vertex_presses_a_half_space_along_its_normal() -> None:
-    _, contact = scene_of("shaken", "log")
+    _, contact = scene_of("shaken")
     forces = contact_forces(contact)
     below = forces.normal.kind == "half_space"
     np.testing.assert_allclose(forces.normal.normal[below], np.tile(UP, (int(below.sum()), 1)), atol=1e-13)
@@ -97,15 +96,15 @@ def test_a_vertex_presses_a_half_space_along_its_normal() -> None:
     assert (forces.normal.normal_force[below] > 0).all()
     pressed = forces.between_bodies()[2, 0]
     assert pressed @ UP == pytest.approx(-np.linalg.norm(pressed))
-    assert forces.normal.gap[below].min() == pytest.approx(0.3 * contact.geometry.activation_distance, rel=1e-9)
+    assert 0.0 < forces.normal.gap[below].min() - 0.3 * contact.geometry.activation_distance < 3e-3
 
 
-@pytest.mark.parametrize(("barrier", "kinetic"), [("log", 0.2), pytest.param("paper", 0.5, marks=pytest.mark.nightly)])
-def test_friction_is_that_of_the_scenes_gradient(barrier: str, kinetic: float) -> None:
+@pytest.mark.parametrize("barrier", ["log", pytest.param("paper", marks=pytest.mark.nightly)])
+def test_friction_is_that_of_the_scenes_gradient(barrier: str) -> None:
     """Of pairs that stick, that slide and in between; all kinds but one are among them."""
     kinds: set[str] = set()
     for name in ("shaken", "edges crossing at 0.001"):
-        scene, contact = scene_of(name, barrier, table=ContactTable(0.5, kinetic), slip_length=1e-4)
+        scene, contact = scene_of(name, barrier)
         assert contact.friction is not None
         (position,) = scene.minimize_targets
         points = contact.positions()

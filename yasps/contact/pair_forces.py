@@ -69,7 +69,9 @@ class ClosestPoints:
             moves = 1.0 - np.einsum("na,ap->np", outside, self.of_parameters != 0).clip(0, 1)
             shares = shares.clip(0, 1)
         by_parameter = moves * np.einsum("na,ap->np", sign * radii, self.of_parameters)
-        return (shares * radii).sum(axis=1), np.asarray(np.einsum("np,npad->nad", by_parameter, self.slopes))
+        slopes = np.einsum("np,npad->nad", by_parameter, self.slopes)
+        # Their sum is 0: what rounding leaves of it, for nearly parallel edges, is taken away.
+        return (shares * radii).sum(axis=1), np.asarray(slopes - slopes.mean(axis=1, keepdims=True), np.float64)
 
 
 def closest_points(kind: str, x: Floats) -> ClosestPoints:

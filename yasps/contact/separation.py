@@ -141,9 +141,10 @@ def _part(surfaces: Surfaces, partings: Translations | Bendings, program: _Progr
         found = partings.look(gap)
         if not found:
             return True
-        if not program.add(found):
+        ways = program.displacements() if program.add(found) else None
+        if ways is None:
             return False
-        surfaces.move_to(program.start + program.displacements())
+        surfaces.move_to(program.start + ways)
     return not partings.look(gap)
 
 
@@ -200,9 +201,9 @@ class _Program:
             self._sides = np.concatenate([self._sides, part.levels - now])
         return True
 
-    def displacements(self) -> Floats:
+    def displacements(self) -> Floats | None:
         """Of all vertices, [n, 3]: what costs least and obeys all inequalities, by accelerated projected gradients of
-        the dual problem (Beck and Teboulle 2009), started from the last multipliers."""
+        the dual problem (Beck and Teboulle 2009), started from the last multipliers. None where they contradict."""
         matrix, sides = self._gram * (self._normals @ self._normals.T), self._sides
         # Rows of like size: the dual problem of light and heavy bodies is badly scaled otherwise.
         size = 1.0 / np.sqrt(matrix.diagonal())
@@ -219,6 +220,8 @@ class _Program:
             old, momentum = new, following
             if (sides - matrix @ new <= 1e-3 * np.abs(sides).max()).all():
                 break
+        if (sides - matrix @ old > 0.1 * np.abs(sides).max()).any():
+            return None
         self._multipliers = old * size
         nodes = self._answers @ (self._multipliers[:, None] * self._normals)
         return np.where((self.node >= 0)[:, None], nodes[self.node], 0.0)

@@ -112,23 +112,28 @@ class Surfaces:
         self.edges = np.concatenate([body.edges + start for body, start in placed])
         self.radii = np.concatenate([body.radii() for body in self.bodies])
         self.touching = TOUCHING * float(np.abs(self.positions).max(initial=1e-300))
+        self.points = np.concatenate([body.points + start for body, start in placed])
+        self._geometries: dict[float, CollisionGeometry] = {}
         self.geometry = self.geometry_for(2 * self.touching)
-        taking_part = [*self.triangles.ravel(), *self.edges.ravel(), *(v + s for b, s in placed for v in b.points)]
-        self.taking_part = np.unique(np.array(taking_part, np.int64))
+        self.taking_part = np.flatnonzero(self.geometry.taking_part)
 
     def geometry_for(self, distance: float) -> CollisionGeometry:
         """Collision geometry that finds all pairs whose gap, less the radii, is smaller than this [m]."""
+        if distance in self._geometries:
+            return self._geometries[distance]
         counts = np.diff(self.starts)
         groups = [-1 if body.meets_itself else number for number, body in enumerate(self.bodies)]
-        return CollisionGeometry(
+        self._geometries[distance] = CollisionGeometry(
             np.concatenate([body.rest for body in self.bodies]),
             self.triangles,
             distance + 2 * float(self.radii.max(initial=0.0)),
             edges=self.edges,
+            points=self.points,
             fixed=np.repeat([body.is_fixed for body in self.bodies], counts),
             group=np.repeat(groups, counts),
             objects={body.name: len(body.rest) for body in self.bodies},
         )
+        return self._geometries[distance]
 
     def move_to(self, positions: Floats) -> None:
         """Looks at other positions [n, 3] from now on."""
