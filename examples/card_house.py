@@ -24,7 +24,7 @@ from yasps.stepping import NewtonSettings
 LENGTH, WIDTH, THICKNESS = 0.1, 0.06, 0.003  # m, of a card
 ANGLE = np.radians(22.0)  # of a leaning card, from the vertical
 DISTANCE = 5e-4  # m, of activation
-GAP = 0.6 * DISTANCE  # m, between cards at the start
+GAP = 0.98 * DISTANCE  # between cards at the start: near where they come to rest
 FRICTION = 0.5
 SLIP_SPEED = 1e-5  # m/s: friction that holds lets things creep slower than this
 

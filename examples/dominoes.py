@@ -31,7 +31,7 @@ def dominoes(count: int = 12, scene: Scene | None = None) -> Simulation:
     scene = scene or Scene("dominoes")
     shape = box((THICKNESS, WIDTH, HEIGHT), (1, 1, 1))
     row = [
-        AffineBody(scene, f"domino_{k}", shape.translated((k * SPACING, 0.0, 0.5 * HEIGHT + 0.8 * DISTANCE)))
+        AffineBody(scene, f"domino_{k}", shape.translated((k * SPACING, 0.0, 0.5 * HEIGHT + 0.98 * DISTANCE)))
         for k in range(count)
     ]
     contacts = ContactTable(friction=0.2)

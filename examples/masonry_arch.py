@@ -26,8 +26,8 @@ FOOT_SLOPE = 3.0  # of the catenary at its ends: friction above 1/3 holds the fe
 SCALE = 0.5  # m, a of z = -a cosh(x / a)
 THICKNESS = 0.16  # m
 DEPTH = 0.2  # m
-GAP = 8e-4  # m, between stones at the start
 DISTANCE = 1e-3  # m, of activation
+GAP = 0.995 * DISTANCE  # between stones at the start: near where they come to rest
 BELOW = 0.4  # m, from the tops of the abutments down to the ground
 
 

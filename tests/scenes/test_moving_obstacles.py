@@ -45,7 +45,7 @@ def plate(height: float, size: float = 0.3, thickness: float = 0.02) -> Triangle
 def press(speed: float, steps: int) -> None:
     """A plate comes down on a soft block on the ground, however the block resists; nothing ever crosses."""
     scene = Scene("press", threads=1)
-    cube = block((SIZE,) * 3, (2, 2, 2)).translated((0.0, 0.0, 5e-4))
+    cube = block((SIZE,) * 3, (2, 2, 2)).translated((0.0, 0.0, 9.5e-4))
     body = SoftBody(scene, "block", cube, youngs_modulus=1e5, poisson_ratio=0.3)
     start = plate(SIZE + 2e-3)
     above = MovingObstacle(scene, "plate", start, motion=lambda time: start.vertices - speed * time * UP)
@@ -78,7 +78,7 @@ RATE, RADIUS = 2.0, 0.5  # rad/s, m: 2 m/s^2 towards the axis
 def turntable(friction: float, seconds: float) -> list[float]:
     """Distances of the cube from the axis, step by step; it starts at the table's speed."""
     scene = Scene("turntable", threads=1)
-    shape = block((SIZE,) * 3).translated((RADIUS, 0.0, 9e-4))
+    shape = block((SIZE,) * 3).translated((RADIUS, 0.0, 9.9e-4))
     body = AffineBody(scene, "block", shape, youngs_modulus=1e7)
     start = disc(1.5)
     table = MovingObstacle(scene, "table", start, motion=lambda time: turned(start.vertices, RATE * time))
@@ -161,7 +161,7 @@ def check_refused(simulation: Simulation, bodies: list[Body], words: tuple[str, 
 def test_an_obstacle_that_presses_through_a_body_into_another_obstacle_is_refused() -> None:
     """A stiff cube between a plate that comes down and an anvil can't yield."""
     scene = Scene("jammed", threads=1)
-    shape = block((SIZE,) * 3).translated((0.0, 0.0, 5e-4))
+    shape = block((SIZE,) * 3).translated((0.0, 0.0, 9.5e-4))
     body = AffineBody(scene, "block", shape, youngs_modulus=1e8)
     above, anvil = coming_down(scene, SIZE + 2e-3), Obstacle(scene, "anvil", plate(-0.02))
     simulation = simulate(scene, [body, above, anvil], 0.0)
