@@ -11,6 +11,7 @@ from areas import (
     materials,
     passes,
     projection,
+    read_out,
     scenes,
     solver,
     stepping,
@@ -31,4 +32,5 @@ AREAS: dict[str, tuple[Mutation, ...]] = {
     "materials": materials.MUTATIONS,
     "stepping": stepping.MUTATIONS,
     "contact": contact.MUTATIONS,
+    "read-out": read_out.MUTATIONS,
 }

@@ -19,6 +19,8 @@ DISTANCES = "yasps/contact/distances.py"
 WHERE = "yasps/contact/kinds.py"
 FRICTION = "yasps/contact/friction.py"
 SLIPS = "tests/contact/test_friction.py"
+RUBBING = "tests/contact/test_friction_contact.py"
+STEPS = "tests/simulation/test_friction_steps.py"
 SLIDING = (f"{SLIPS}::test_static_and_kinetic_friction_against_quadrature",)
 CLOSEST = ("tests/contact/test_kinds.py::test_closest_points_and_tangent_planes",)
 CODE, PAIRS, NEAR, MAX, ENTRY, THICK = (
@@ -347,5 +349,61 @@ MUTATIONS = (
         "kind.tangents(lagged).T * (way.T * kind.weights(lagged))",
         "kind.tangents(lagged).T * (way.T * kind.weights(lagged).abs())",
         ("tests/contact/test_friction_pairs.py::test_friction_of_pairs",),
+    ),
+    Mutation(
+        "normal forces of friction without the mollifier",
+        FRICTION,
+        "return pairs.mollified(-2 * distance * (pairs.weight * slope), lagged)",
+        "return -2 * distance * (pairs.weight * slope)",
+        (f"{RUBBING}::test_normal_forces_are_those_of_the_barrier",),
+    ),
+    Mutation(
+        "slips count from where friction was lagged",
+        FRICTION,
+        'way = x - pairs.corners("previous_positions", self._previous)',
+        'way = x - pairs.corners("previous_positions", self._lagged)',
+        (f"{RUBBING}::test_slips_count_from_the_positions_before_the_step",),
+    ),
+    Mutation(
+        "pairs without friction are in it",
+        FRICTION,
+        "has_friction = self._coefficients.value > 0",
+        "has_friction = self._coefficients.value >= 0",
+        (f"{RUBBING}::test_only_pairs_with_friction_are_in_it",),
+    ),
+    Mutation(
+        "way and normal of a half-space are one matrix",
+        FRICTION,
+        "slip = slip_of(kind, way.block(0, 0, kind.arity, 3), lagged)",
+        "slip = slip_of(kind, way, lagged)",
+        (f"{RUBBING}::test_hessians_are_projected_where_they_are_2x2",),
+    ),
+    Mutation(
+        "friction is lagged at the positions before the step",
+        "yasps/contact/barrier_contact.py",
+        "            self.friction.start_step(before)\n            self.lag()",
+        "            self.friction.start_step(before)",
+        (f"{RUBBING}::test_slips_count_from_the_positions_before_the_step",),
+    ),
+    Mutation(
+        "a failed step keeps its lag",
+        "yasps/contact/barrier_contact.py",
+        "            self.friction.load(past.lag)",
+        "            pass",
+        (f"{STEPS}::test_a_step_that_fails_leaves_the_lag_of_the_one_before",),
+    ),
+    Mutation(
+        "friction counts as settled after one pass",
+        "yasps/stepping/backward_euler.py",
+        "again.iterations == 1:",
+        "again.iterations >= 1:",
+        (f"{STEPS}::test_a_cube_slides_to_rest", f"{STEPS}::test_friction_that_does_not_settle_is_said"),
+    ),
+    Mutation(
+        "forces of the old lag say that friction has settled",
+        "yasps/stepping/backward_euler.py",
+        "return left <= min(",
+        "return True or left <= min(",
+        (f"{STEPS}::test_forces_say_when_friction_has_settled",),
     ),
 )

@@ -1,0 +1,97 @@
+"""Forces of contact, and start states."""
+
+from __future__ import annotations
+
+from mutation import Mutation
+
+PAIRS, FORCES = "yasps/contact/pair_forces.py", "yasps/contact/contact_forces.py"
+STATE, PARTINGS, SEPARATION = (f"yasps/contact/{name}.py" for name in ("start_state", "partings", "separation"))
+SLOPES = ("tests/contact/test_pair_forces.py::test_slopes_are_those_of_complex_steps",)
+RUBBING = ("tests/contact/test_pair_forces.py::test_friction_is_the_derivative_of_its_potential",)
+GRADIENT = ("tests/contact/test_contact_forces.py::test_forces_are_those_of_the_scenes_gradient",)
+REACTION = ("tests/simulation/test_forces.py::test_every_force_has_its_reaction",)
+START = "tests/contact/test_start_state.py"
+SMALL = (f"{START}::test_small_overlaps_are_measured_and_taken_away",)
+INSIDE = (f"{START}::test_a_body_wholly_inside_another_is_noticed",)
+LARGE = (f"{START}::test_too_large_an_overlap_leaves_everything_as_it_was",)
+THICK = (f"{START}::test_bodies_thicker_than_their_distance_are_parted",)
+
+MUTATIONS = (
+    Mutation(
+        "closest points turn with nothing",
+        PAIRS,
+        "moved = slopes.T[None, :, :, None] * way[:, None, None] + ",
+        "moved = ",
+        SLOPES,
+    ),
+    Mutation(
+        "the mollifier pushes one edge the wrong way",
+        PAIRS,
+        "= -of_u, of_u, -of_v, of_v",
+        "= -of_u, of_u, of_v, -of_v",
+        SLOPES,
+    ),
+    Mutation(
+        "the range of the barrier grows where it shrinks",
+        PAIRS,
+        "-by_ratio * ratio / activation",
+        "by_ratio * ratio / activation",
+        SLOPES,
+    ),
+    Mutation(
+        "friction of what sticks grows too fast",
+        PAIRS,
+        "np.where(sticks, (2 - share) / length",
+        "np.where(sticks, (2 + share) / length",
+        RUBBING,
+    ),
+    Mutation(
+        "forces between bodies are those of the other",
+        FORCES,
+        "sign = np.where(first < second, 1.0, -1.0)",
+        "sign = np.where(first < second, -1.0, 1.0)",
+        REACTION,
+    ),
+    Mutation(
+        "a half-space is pulled",
+        FORCES,
+        "-slopes[:, first].sum(axis=1) if kind.is_plane",
+        "slopes[:, first].sum(axis=1) if kind.is_plane",
+        GRADIENT,
+    ),
+    Mutation(
+        "what lies inside is outside",
+        STATE,
+        "self.corners_of(outer))) > 0.5",
+        "self.corners_of(outer))) > 1.5",
+        INSIDE,
+    ),
+    Mutation(
+        "most of a sheet is on the wrong side",
+        STATE,
+        "(sizes[cut] < largest[whole])",
+        "(sizes[cut] >= largest[whole])",
+        SMALL,
+    ),
+    Mutation(
+        "radii are forgotten where bodies are parted",
+        PARTINGS,
+        "(np.abs(weights) * self.surfaces.radii[vertices]).sum(axis=1)",
+        "0 * weights.sum(axis=1)",
+        THICK,
+    ),
+    Mutation(
+        "the gap aimed at is too small",
+        PARTINGS,
+        "MORE = 1.02",
+        "MORE = 0.95",
+        SMALL,
+    ),
+    Mutation(
+        "any way is short enough",
+        SEPARATION,
+        "if way > largest_share * size:",
+        "if way > 1e9 * size:",
+        LARGE,
+    ),
+)
