@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from degenerate_scenes import FALL, SCENES
-from scene_checks import least_distance_between_bodies, surfaces_intersect
+from intersection_checks import least_distance_between_bodies, surfaces_intersect
 from scene_shapes import joined
 
 from yasps import Scene

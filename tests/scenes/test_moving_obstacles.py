@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from scene_checks import surfaces_intersect
+from intersection_checks import surfaces_intersect
 from scene_shapes import block, disc, outside, turned
 
 from yasps import Scene, YaspsError

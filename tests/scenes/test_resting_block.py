@@ -12,7 +12,7 @@ import itertools
 import numpy as np
 import pytest
 from closed_forms import pressure_over_stiffness, relative_gap
-from scene_checks import contact_forces_on
+from intersection_checks import contact_forces_on
 from scene_shapes import block, lower_areas, outside, point_areas
 
 from yasps import Scene

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import pytest
-from scene_checks import surfaces_intersect
+from intersection_checks import surfaces_intersect
 
 from yasps.examples.card_house import card_house
 from yasps.examples.dominoes import dominoes, tilts

@@ -15,6 +15,7 @@ POINTS = "tests/contact/test_loose_points.py"
 MOTION = "tests/contact/test_collision_motion.py"
 KEPT = (f"{MOTION}::test_kept_candidates_find_what_ipctk_finds_anew",)
 SAFE = (f"{MOTION}::test_step_bounds_are_ipctks_and_safe", f"{GEOMETRY}::test_step_bound_stops_before_the_ground")
+BARRIER = "yasps/contact/barrier.py"
 DISTANCES = "yasps/contact/distances.py"
 WHERE = "yasps/contact/kinds.py"
 FRICTION = "yasps/contact/friction.py"
@@ -35,21 +36,21 @@ CODE, PAIRS, NEAR, MAX, ENTRY, THICK = (
 MUTATIONS = (
     Mutation(
         "the barrier has one gap too few",
-        CODE,
-        "stiffness * gap * gap * ratio * ratio",
-        "stiffness * gap * ratio * ratio",
+        BARRIER,
+        "return scale * gap * gap * ratio * ratio",
+        "return scale * gap * ratio * ratio",
         IPCTK,
     ),
     Mutation(
         "the reach is not squared",
         CODE,
-        "value=activation_distance**2)",
-        "value=activation_distance)",
+        "value=distance**2)",
+        "value=distance)",
         IPCTK,
     ),
     Mutation(
         "the mollifier is linear",
-        CODE,
+        BARRIER,
         "return ratio * (2 - ratio)",
         "return ratio",
         IPCTK,
@@ -57,22 +58,22 @@ MUTATIONS = (
     Mutation(
         "mollified point-point with the wrong other ends",
         WHERE,
-        "_point_point_normal, (0, 1), ((0, 2), (1, 3))",
-        "_point_point_normal, (0, 1), ((0, 3), (1, 2))",
+        "        (0, 1),\n        ((0, 2), (1, 3)),",
+        "        (0, 1),\n        ((0, 3), (1, 2)),",
         IPCTK,
     ),
     Mutation(
         "mollified point-edge with the wrong edges",
         WHERE,
-        "_point_line_normal, (0, 1), ((0, 3), (1, 2))",
-        "_point_line_normal, (0, 1), ((0, 1), (2, 3))",
+        "        (0, 1),\n        ((0, 3), (1, 2)),",
+        "        (0, 1),\n        ((0, 1), (2, 3)),",
         IPCTK,
     ),
     Mutation(
         "pairs that share an entry count once",
         CODE,
-        "energy = weight * barrier(",
-        "energy = barrier(",
+        "energy = pairs.weight * law.energy(",
+        "energy = law.energy(",
         IPCTK,
     ),
     Mutation(
