@@ -103,7 +103,8 @@ class BarrierContact(InScene):
             raise SceneError(f"barrier is one of {', '.join(map(repr, BARRIERS))}, got {barrier!r}")
         law = BARRIERS[barrier]
         if stiffness is not None or barrier == "paper":
-            stiffness = positive_number(stiffness, "contact stiffness", law.unit, SceneError)
+            given = np.nan if stiffness is None else stiffness
+            stiffness = positive_number(given, "contact stiffness", law.unit, SceneError)
         for name in _OWN_NAMES:
             mesh.check_child_name(name, "a part of contact")
         self.position = vertices["position"]

@@ -67,9 +67,9 @@ class ContactTable:
         return self
 
     @property
-    def names(self) -> set[str]:
+    def names(self) -> frozenset[str]:
         """Names of bodies that it knows."""
-        return set().union(*self._pairs)
+        return frozenset[str]().union(*self._pairs)
 
     def entry(self, first: str, second: str) -> tuple[float, float, float | None, bool]:
         """Friction, kinetic friction, stiffness (None: the default) and whether two bodies meet."""
