@@ -27,9 +27,16 @@ class MatBuilder:
     def __init__(self, body: Block) -> None:
         self.body = body
         self._known: dict[tuple[object, ...], SSAValue] = {}
+        self._ages: dict[SSAValue, int] = {}
 
     def append(self, op: Operation) -> None:
         self.body.add_op(op)
+        for result in op.results:
+            self._ages[result] = 1 + len(self._ages)
+
+    def age(self, value: SSAValue) -> int:
+        """A number that is smaller than those of all values made later; 0 for what this builder has not made."""
+        return self._ages.get(value, 0)
 
     def emit(
         self,
