@@ -55,7 +55,8 @@ class MatBuilder:
         if found is not None:
             return named(found, name_hint)
         shape = op_class.infer([shape_of(v) for v in operands], properties)
-        op = op_class(operands, matrix_type(shape, element), properties)
+        # Not by the constructor, which looks at each operand anew: that takes most of the time.
+        op = op_class.create(operands=operands, result_types=[matrix_type(shape, element)], properties=properties)
         result: SSAValue
         folded = op.fold()
         if folded is None:
