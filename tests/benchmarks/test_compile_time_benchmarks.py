@@ -9,13 +9,16 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from small_scenes import emit
 
 from benchmarks import codegrowth, opcounts, symbolic
 from benchmarks.__main__ import main
 from benchmarks.codegrowth import affine, cage, free, growth, lever
 from benchmarks.element_problem import box_of_tets, elements_scene
 from benchmarks.energies import ENERGIES
+from benchmarks.large_energies import LARGE_ENERGIES, LargeEnergy
 from yasps.backend.reference.interpreter import Interpreter
+from yasps.passes.pipeline import run_pipeline
 
 needs_sympy = pytest.mark.skipif(importlib.util.find_spec("sympy") is None, reason="SymPy is not installed")
 
@@ -135,3 +138,25 @@ def test_different_parameterisations_add_up() -> None:
     curved, more = growth((free, lever)), growth((free, affine, cage, lever))
     assert more.derivatives == 1
     assert more.objects - curved.objects == both.objects - base.objects
+
+
+# -- large energies ----------------------------------------------------------------------------------------
+
+
+@pytest.mark.nightly
+@pytest.mark.parametrize("energy", LARGE_ENERGIES, ids=lambda energy: energy.make.__name__)
+def test_large_energies_are_regular_at_their_numbers(energy: LargeEnergy) -> None:
+    emitted = emit(energy.make(energy.sizes[0]))
+    gradient, hessian = Interpreter(run_pipeline(emitted.module), emitted.data).assemble()
+    assert np.isfinite(gradient).all()
+    assert np.isfinite(hessian.toarray()).all()
+    assert np.abs(gradient).max() > 1e-3
+
+
+@pytest.mark.nightly
+def test_compile_growth_has_rows_of_all_stages(tmp_path: Path) -> None:
+    assert main(["compile_growth", "--size", "1", "--json", str(tmp_path / "rows.json")]) == 0
+    rows = {row["case"]: row["value"] for row in json.loads((tmp_path / "rows.json").read_text())}
+    assert {case.partition(": ")[0] for case in rows} == {"rod", "rotation vector", "hexahedron by Gauss points"}
+    for stage in ("symbolic", "emission", "C++", "cold", "warm"):
+        assert rows[f"rod: {stage}, processor time"] > 0
