@@ -54,7 +54,8 @@ class FrameRecorder:
 
     pictures: False for the series alone; where the machine can't draw, a line on stderr says so. ground_height: of the
     ground in pictures, which stands for a level obstacle there; None for none. bounds: what the camera sees, [2, 3];
-    default: all that moves and the ground below them at the start. frames_per_picture: how many frames one picture of the animation stands for.
+    default: all that moves and the ground below them at the start. frames_per_picture: how many frames one picture of
+    the animation stands for.
     """
 
     def __init__(
