@@ -61,7 +61,7 @@ def arch_stones(count: int = 25) -> list[TetrahedralMesh]:
 def masonry_arch(
     friction: float, count: int = 25, scene: Scene | None = None, *, slip_speed: float = SLIP_SPEED
 ) -> Simulation:
-    """The arch between two abutments with level tops, above the ground. slip_speed [m/s]: feet that friction holds creep
+    """The arch between two abutments with level tops, above the ground. slip_speed [m/s]: what friction holds creeps
     slower than this."""
     scene = scene or Scene("masonry_arch")
     stones = [

@@ -21,7 +21,7 @@ def run(simulation: Simulation, steps: int) -> None:
 @pytest.mark.nightly
 @pytest.mark.parametrize("slip_speed", [1e-3, 1e-5])
 def test_the_arch_stands_at_50(slip_speed: float) -> None:
-    """Its feet creep, slower than the slip speed: with 1e-3 m/s the crown sinks by 0.57 mm in two seconds. With 1e-5 m/s
+    """Its feet creep, slower than the slip speed: with 1e-3 m/s the crown sinks by 0.57 mm in 2 seconds. With 1e-5 m/s
     it rises by 0.04 mm, as the joints settle, and stays there."""
     simulation = masonry_arch(0.5, slip_speed=slip_speed)
     before = crown_height(simulation)
