@@ -51,7 +51,7 @@ def least_distance_between_bodies(simulation: Simulation) -> float:
     # A filter in Python would wait for the interpreter that waits for ipctk's threads.
     mesh.can_collide = ipctk.make_vertex_patches_filter(owner.astype(np.int32))
     near = ipctk.Candidates()
-    near.build(mesh, points, simulation.activation_distance, ipctk.BruteForce())
+    near.build(mesh, points, 0.5 * simulation.activation_distance, ipctk.BruteForce())
     return min(
         (
             distance(points[pair.vertex_ids(mesh.edges, mesh.faces)], is_triangle)
