@@ -174,7 +174,7 @@ class BarrierContact(InScene):
         self._where = positions
         self._accepted = positions
         self.active = self._close_pairs(positions)
-        self._apply(self.active)
+        self.show_only({})
         self.lag()
 
     @property
@@ -285,7 +285,7 @@ class BarrierContact(InScene):
         if not np.array_equal(where, self._where):
             self.active = self._close_pairs(where, candidates)
             self._where = np.array(where)
-            self._apply(self.active)
+            self.show_only({})
         return self.active
 
     @one_thread_at_a_time
@@ -316,12 +316,15 @@ class BarrierContact(InScene):
         longest = float(np.sqrt(np.einsum("ij,ij->i", way, way).max(initial=0.0)))
         return 0.0 < 2 * longest <= 0.9 * least
 
-    def _apply(self, active: ActiveSet) -> None:
-        for name, pairs in active.kinds().items():
-            if name not in self.primitives or (name in self._given and pairs.same_as(self._given[name])):
-                continue
-            self._given[name] = pairs
-            self.primitives[name].update(pairs, self.laws_of_pairs(name, pairs))
+    def show_only(self, chosen: Mapping[str, NDArray[np.bool_]]) -> None:
+        """Gives the scene of each of these kinds the pairs of the active set that the mask, [n], chooses, and all pairs
+        of the others."""
+        for name, primitive in self.primitives.items():
+            pairs = self.active.kinds()[name]
+            pairs = pairs.chosen(chosen[name]) if name in chosen else pairs
+            if name not in self._given or not pairs.same_as(self._given[name]):
+                self._given[name] = pairs
+                primitive.update(pairs, self.laws_of_pairs(name, pairs))
 
     def laws_of_pairs(self, name: str, pairs: Pairs) -> Ids:
         """The number of the law of each pair of a kind, [n]."""
