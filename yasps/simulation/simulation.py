@@ -11,7 +11,6 @@ import logging
 import tempfile
 import time
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Protocol
 
@@ -20,24 +19,22 @@ from numpy.typing import ArrayLike
 
 from yasps import (
     Attribute,
-    ConnectivityError,
     Scene,
     SceneError,
-    ShapeMismatchError,
     UnsupportedSceneError,
     YaspsError,
     materials,
 )
-from yasps.bodies import Body, HalfSpace, MovingObstacle
+from yasps.bodies import Body, MovingObstacle
 from yasps.contact import BarrierContact, ContactForces, ContactTable, check_start, contact_forces
-from yasps.frontend.language.arrays import checked_count, positive_number, real_numbers
+from yasps.frontend.language.arrays import checked_count, positive_number
 from yasps.meshes.tetrahedral_mesh import Float64Array
 from yasps.output import FrameProgress, TimeTable
+from yasps.simulation.applied_forces import AppliedForces, ForceField
+from yasps.simulation.contact_of_bodies import ContactOptions, add_contact, stands_still
+from yasps.simulation.driven_bodies import DrivenBodies
 from yasps.stepping import (
-    Anchors,
     BackwardEuler,
-    Driven,
-    DrivenSurface,
     DrivenVertices,
     MovingPart,
     NewtonReport,
@@ -51,29 +48,12 @@ from yasps.stepping import (
 
 LOGGER = logging.getLogger("yasps")
 
-PIN_STIFFNESS = 1e3
-"""Stiffness of a pin, in masses of its body over the squared time step: a body that hangs on one sinks by
-g dt^2 / 1e3."""
-
-
-ForceField = Callable[[Float64Array, Float64Array, float], ArrayLike]
-"""Forces [N] on vertices, [n, 3] or [3], of their positions [m] and velocities [m/s], both [n, 3], and the time [s]."""
-
 
 class Recorder(Protocol):
     """What `run` shows every frame to."""
 
     def record(self, simulation: Simulation) -> None:
         """Notes the state as it is now."""
-
-
-@dataclass(frozen=True)
-class _ContactOptions:
-    table: ContactTable
-    barrier: str
-    stiffness: float | None
-    eps_v: float
-    lagging: str
 
 
 class Simulation:
@@ -122,19 +102,12 @@ class Simulation:
         self._last: NewtonReport | None = None
         self._has_contact = contact
         self._given = (activation_distance, settings)
-        self._contact_options = _ContactOptions(
-            contacts or ContactTable(),
-            barrier,
-            contact_stiffness,
-            positive_number(eps_v, "eps_v", "m/s", SceneError),
-            lagging,
-        )
+        eps_v = positive_number(eps_v, "eps_v", "m/s", SceneError)
+        self._contact_options = ContactOptions(contacts or ContactTable(), barrier, contact_stiffness, eps_v)
+        self._lagging = lagging
         self._predicted: dict[Body, Attribute] = {}
-        self._fields: list[tuple[Body, ForceField, str]] = []
-        self._unions = self._pins = 0
-        self._drives: dict[Body, DrivenSurface] = {}
-        self._driven: list[Driven] = []
-        """All that is driven, obstacles and pins."""
+        self._forces = AppliedForces(self.velocity_of, lambda: self.time)
+        self._unions = 0
         self.rescue = checked_count(rescue, "rescue", 0, SceneError)
         self.contact: BarrierContact | None = None
         if not time_step > 0:
@@ -143,6 +116,7 @@ class Simulation:
         if contact:
             check_start(bodies, self._contact_options.table)
         self.time_step = scene.add_constant("time_step", 1, 1, value=time_step)
+        self.driven = DrivenBodies(scene, self.time_step)
         self.gravity = scene.add_constant("gravity", 3, 1, value=gravity)
         for body in bodies:
             self._take(body)
@@ -206,11 +180,7 @@ class Simulation:
         if isinstance(body, MovingObstacle):
             if self.scene.is_on_device:
                 raise UnsupportedSceneError(f"{body.name} moves, which is for the CPU only: take device='cpu'")
-            self._drives[body] = DrivenSurface(body, float(self.time_step.value[0]))
-            self._driven.append(self._drives[body])
-            self.scene.add_minimize_target(body.progress)
-            if body.energies[0] not in self.scene.energies:
-                self.scene.add_energy(body.energies[0])
+            self.driven.add(body)
         if body.is_fixed:
             return
         vertices = body.vertices
@@ -229,14 +199,10 @@ class Simulation:
 
     def _forget(self, body: Body) -> None:
         self.bodies.remove(body)
-        self._fields = [field for field in self._fields if field[0] is not body]
-        if isinstance(body, MovingObstacle):
-            self._driven.remove(self._drives.pop(body))
-            self.scene.remove_energy(body.energies[0])
-            self.scene.remove_minimize_target(body.progress)
+        self._forces.forget(body)
+        self.driven.forget(body)
         if body.is_fixed:
             return
-        self._driven[:] = [driven for driven in self._driven if driven.position is not body.position]
         for energy in (body.vertices["inertia"], body.vertices["gravity"], *body.energies):
             self.scene.remove_energy(energy)
         self.scene.remove_minimize_target(list(body.targets))
@@ -249,7 +215,16 @@ class Simulation:
             activation_distance = 1e-3 * float(np.linalg.norm(np.ptp(corners, axis=0)))
         self.activation_distance = activation_distance
         if self._has_contact:
-            contact = self._add_contact()
+            name = f"everything_{self._unions}" if self._unions else "everything"
+            self._unions += 1
+            contact = add_contact(
+                self.scene,
+                name,
+                self.bodies,
+                self._contact_options,
+                activation_distance=activation_distance,
+                time_step=self.time_step,
+            )
             if self.contact is not None:
                 for energy in self.contact.energies:
                     self.scene.remove_energy(energy)
@@ -275,52 +250,18 @@ class Simulation:
             accelerations={target: self.gravity.value for body in self.moving for target in body.falling},
             # Newton stops well inside the activation distance, or contact forces would be left half-balanced.
             settings=settings or NewtonSettings(velocity_tolerance=tolerance, max_iterations=500),
-            lagging=options.lagging,
+            lagging=self._lagging,
             times=self.times,
             arms={target: arm for body in self.moving for target, arm in body.arms.items()},
         )
         self.stepper.time = now
-        self.stepper.driven = self._driven
+        self.stepper.driven = self.driven.all
         self.stepper.driven_tolerance = 1e-6 * activation_distance
         if self.contact is not None:
-            still = [body.is_fixed and body not in self._drives for body in self.bodies if len(body.rest)]
-            self.stepper.immovable = np.repeat(still, [len(body.rest) for body in self.bodies if len(body.rest)])
+            self.stepper.immovable = stands_still(self.bodies)
         for body, velocity in velocities.items():
             if body in self.bodies:
                 self.set_velocity(body, velocity)
-
-    def _add_contact(self) -> BarrierContact:
-        options = self._contact_options
-        stiffness = options.stiffness
-        if stiffness is None and options.barrier == "paper":
-            stiffness = 10.0 / self.activation_distance**3
-        everything = self.scene.add_mesh(f"everything_{self._unions}" if self._unions else "everything")
-        self._unions += 1
-        bodies = [body for body in self.bodies if not isinstance(body, HalfSpace)]
-        union = everything.add_primitive_union("vertices", [body.vertices for body in bodies])
-        union.add_attribute("position")
-        union.add_attribute("rest_position")
-        counts = [len(body.rest) for body in bodies]
-        starts = union.offsets()
-        groups = [-1 if body.meets_itself else number for number, body in enumerate(bodies)]
-        return BarrierContact(
-            everything,
-            union,
-            np.concatenate([body.triangles + start for body, start in zip(bodies, starts, strict=False)]),
-            edges=np.concatenate([body.edges + start for body, start in zip(bodies, starts, strict=False)]),
-            points=np.concatenate([body.points + start for body, start in zip(bodies, starts, strict=False)]),
-            radii=np.concatenate([body.radii() for body in bodies]),
-            activation_distance=self.activation_distance,
-            barrier=options.barrier,
-            stiffness=stiffness,
-            table=options.table,
-            moduli={body.name: body.contact_modulus for body in self.bodies},
-            planes=[body.plane for body in self.bodies if isinstance(body, HalfSpace)],
-            fixed=np.repeat([body.is_fixed and body not in self._drives for body in bodies], counts),
-            group=np.repeat(groups, counts),
-            objects={body.name: len(body.rest) for body in bodies},
-            slip_length=self.time_step * options.eps_v,
-        )
 
     def _number_of(self, body: Body) -> int:
         if body not in self.bodies:
@@ -332,9 +273,7 @@ class Simulation:
     def velocity_of(self, body: Body) -> Float64Array:
         """Velocities of a body's vertices [m/s], [n, 3]; zero for a fixed one."""
         number = self._number_of(body)
-        if body in self._drives:
-            return self._drives[body].velocity.copy()
-        return np.zeros((len(body.rest), 3)) if number < 0 else self.stepper.velocities[number].copy()
+        return self.driven.velocity_of(body) if number < 0 else self.stepper.velocities[number].copy()
 
     def set_velocity(self, body: Body, velocity: ArrayLike, angular: ArrayLike = (0.0, 0.0, 0.0)) -> None:
         """Velocity of a body for the next step [m/s], one or one for each vertex [n, 3], and its rotation [rad/s] about
@@ -358,13 +297,6 @@ class Simulation:
 
     # -- what is driven ------------------------------------------------------------------------------------
 
-    def _add_anchors(self, body: Body) -> Anchors:
-        """Springs that hold nothing yet."""
-        self._pins += 1
-        anchors = Anchors(body.mesh, f"pins_{self._pins}", body.vertices)
-        body.add_energy(anchors.energy)
-        return anchors
-
     def pin(
         self,
         body: Body,
@@ -384,32 +316,7 @@ class Simulation:
         """
         if self._number_of(body) < 0:
             raise SceneError(f"{body.name} is fixed already")
-        chosen = np.asarray(list(vertices), dtype=np.int64)
-        bad = (chosen < 0) | (chosen >= len(body.rest))
-        if bad.any():
-            raise ConnectivityError(f"{body.name} has vertices 0 to {len(body.rest) - 1}, got {chosen[bad][0]} to pin")
-        if stiffness is not None or self.scene.is_on_device:
-            if motion is not None:
-                raise SceneError("springs have no motion: move them by pins.move_to(places), or leave stiffness out")
-            if stiffness is None:
-                stiffness = PIN_STIFFNESS * float(body.mass.value.sum()) / float(self.time_step.value[0]) ** 2
-            anchors = self._add_anchors(body)
-            anchors.hold(chosen, body.positions()[chosen], stiffness)
-            return Pins(anchors)
-        for other in self._driven:
-            if other.position is body.position and not other.is_released and np.isin(chosen, other.vertices).any():
-                raise SceneError(f"some of these vertices of {body.name} are pinned already: release those pins first")
-        pins = DrivenVertices(
-            f"a pin of {body.name}",
-            body.position,
-            chosen,
-            self._add_anchors(body),
-            body.positions()[chosen] if motion is None else motion,
-            spacing=float(self.time_step.value[0]),
-            is_exact=body.position in self.scene.minimize_targets,
-        )
-        self._driven.append(pins)
-        return pins
+        return self.driven.pin(body, vertices, stiffness, motion)
 
     def add_force(self, body: Body, force: ArrayLike | ForceField = (0.0, 0.0, 0.0), name: str = "force") -> Attribute:
         """A force [N] on each vertex of a body; returns the attribute that holds it, 3x1. It compiles once.
@@ -422,24 +329,7 @@ class Simulation:
         """
         if self._number_of(body) < 0:
             raise SceneError(f"{body.name} is fixed: a force does nothing to it")
-        values = self._forces(body, force, name)
-        holder = body.vertices.add_constant(name, 3, 1, value=values)
-        load = materials.dead_load(body.position, holder)
-        body.add_energy(body.vertices.add_attribute(f"{name}_load", computed_attribute=load))
-        if callable(force):
-            self._fields.append((body, force, name))
-        return holder
-
-    def _forces(self, body: Body, force: ArrayLike | ForceField, name: str) -> Float64Array:
-        """Forces on the vertices now, [n, 3]."""
-        if callable(force):
-            force = force(body.positions(), self.velocity_of(body), self.time)
-        values = real_numbers(force, f"the forces {name!r} on {body.name}")
-        if values.shape not in ((3,), body.rest.shape):
-            raise ShapeMismatchError(
-                f"the forces {name!r} on {body.name} are [3] or {list(body.rest.shape)}, got {list(values.shape)}"
-            )
-        return np.array(np.broadcast_to(values, body.rest.shape))
+        return self._forces.add(body, force, name)
 
     # -- steps ---------------------------------------------------------------------------------------------
 
@@ -467,8 +357,7 @@ class Simulation:
         for call in self.before_step:
             call(self)
         before, past = self.state(), None if self.contact is None else self.contact.save()
-        for body, field, name in self._fields:
-            body.vertices[name].update_value(self._forces(body, field, name))
+        self._forces.update()
         try:
             report = step_or_halves(self.stepper, self._set_time_step, self.rescue)
         except YaspsError as error:
@@ -564,9 +453,7 @@ class Simulation:
         """All that the next step depends on apart from the scene itself, by name."""
         numbers = {f"target/{target.path}": target.value for target in self.scene.minimize_targets}
         numbers |= {f"velocity/{body.name}": self.velocity_of(body) for body in self.moving}
-        numbers |= {f"place/{body.name}": body.positions() for body in self._drives}
-        numbers |= {f"multiplier/{k}": driven.multiplier.copy() for k, driven in enumerate(self._driven)}
-        return numbers | {"time": np.array(self.time), "frame": np.array(float(self.frame))}
+        return numbers | self.driven.state() | {"time": np.array(self.time), "frame": np.array(float(self.frame))}
 
     def restore(self, file: str | Path) -> None:
         """Sets the state to that of a file that a failed step wrote. Raises SceneError if it is of another scene."""
@@ -583,10 +470,7 @@ class Simulation:
             target.update_value(state[f"target/{target.path}"])
         for number, body in enumerate(self.moving):
             self.stepper.velocities[number] = np.array(state[f"velocity/{body.name}"])
-        for body, surface in self._drives.items():
-            surface.put(state[f"place/{body.name}"])
-        for number, driven in enumerate(self._driven):
-            driven.multiplier = np.array(state[f"multiplier/{number}"])
+        self.driven.set_state(state)
         self.stepper.time, self.frame = float(state["time"]), int(state["frame"])
         if self.contact is not None:
             self.contact.reset()
