@@ -27,6 +27,8 @@ class AppliedForces:
     def add(self, body: Body, force: ArrayLike | ForceField, name: str) -> Attribute:
         """See `Simulation.add_force`; the body moves."""
         values = self._now(body, force, name)
+        for part in (name, f"{name}_load"):
+            body.vertices.check_name(part, "a force")
         holder = body.vertices.add_constant(name, 3, 1, value=values)
         load = materials.dead_load(body.position, holder)
         body.add_energy(body.vertices.add_attribute(f"{name}_load", computed_attribute=load))
@@ -35,7 +37,10 @@ class AppliedForces:
         return holder
 
     def forget(self, body: Body) -> None:
-        """Asks no fields of a body any more."""
+        """Asks no fields of a body any more; what they said last acts no longer."""
+        for of, name, _ in self._fields:
+            if of is body:
+                body.vertices[name].update_value(np.zeros(body.rest.shape))
         self._fields = [field for field in self._fields if field[0] is not body]
 
     def update(self) -> None:
@@ -47,7 +52,11 @@ class AppliedForces:
     def _now(self, body: Body, force: ArrayLike | ForceField, name: str) -> Float64Array:
         """Forces on the vertices now, [n, 3]."""
         if callable(force):
-            force = force(body.positions(), self._velocity_of(body), self._time())
+            try:
+                force = force(body.positions(), self._velocity_of(body), self._time())
+            except Exception as error:
+                error.add_note(f"the field of the forces {name!r} on {body.name} raised this; nothing has moved")
+                raise
         values = real_numbers(force, f"the forces {name!r} on {body.name}")
         if values.shape not in ((3,), body.rest.shape):
             raise ShapeMismatchError(

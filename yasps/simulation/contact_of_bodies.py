@@ -2,15 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import logging
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from yasps import Attribute, Scene
+from yasps import Attribute, Scene, SceneError
 from yasps.bodies import Body, HalfSpace
 from yasps.contact import BarrierContact, ContactTable
+from yasps.contact.barrier import BARRIERS
+from yasps.frontend.language.arrays import positive_number
+from yasps.stepping import NewtonSettings
+from yasps.stepping.backward_euler import LAGGING
+
+LOGGER = logging.getLogger("yasps")
 
 
 @dataclass(frozen=True)
@@ -22,6 +29,34 @@ class ContactOptions:
     stiffness: float | None
     eps_v: float
     """[m/s]"""
+    lagging: str
+
+    def __post_init__(self) -> None:
+        """Raises SceneError for what can't be."""
+        if not isinstance(self.table, ContactTable):
+            raise SceneError(f"contacts are a ContactTable (yasps.contact), got {self.table!r}")
+        for name, given, known in (("barrier", self.barrier, BARRIERS), ("lagging", self.lagging, LAGGING)):
+            if given not in tuple(known):
+                raise SceneError(f"{name} is one of {', '.join(map(repr, known))}, got {given!r}")
+        if self.stiffness is not None:
+            positive_number(self.stiffness, "contact_stiffness", BARRIERS[self.barrier].unit, SceneError)
+        positive_number(self.eps_v, "eps_v", "m/s", SceneError)
+
+    def check_names(self, names: Iterable[str]) -> None:
+        """Raises SceneError if the table names other bodies than these."""
+        unknown = sorted(self.table.names - set(names))
+        if unknown:
+            raise SceneError(f"the contact table names {unknown[0]!r}, but there are only {sorted(names)}")
+
+    def warn_of(self, settings: NewtonSettings) -> None:
+        """Warns of a tolerance with which friction is not seen."""
+        if (settings.velocity_tolerance or 0.0) > 0.1 * self.eps_v:
+            LOGGER.warning(
+                "friction: the velocity tolerance, %.3g m/s, is more than a tenth of eps_v, %.3g m/s, the speed"
+                " below which things stick: whether they do is left to chance",
+                settings.velocity_tolerance,
+                self.eps_v,
+            )
 
 
 def stands_still(bodies: Sequence[Body]) -> NDArray[np.bool_]:
@@ -62,7 +97,7 @@ def add_contact(
         activation_distance=activation_distance,
         barrier=options.barrier,
         stiffness=stiffness,
-        table=options.table,
+        table=options.table.of(body.name for body in bodies),
         moduli={body.name: body.contact_modulus for body in bodies},
         planes=[body.plane for body in bodies if isinstance(body, HalfSpace)],
         fixed=stands_still(surfaces),
