@@ -225,4 +225,4 @@ def _checked(entry: _Entry, what: str) -> _Entry:
             f"kinetic_friction of {what} is {entry.kinetic_friction}, above friction {entry.friction}: things that "
             "slide would stick harder than things at rest"
         )
-    return replace(entry, **numbers)
+    return _Entry(**numbers, enabled=entry.enabled)

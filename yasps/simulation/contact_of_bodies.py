@@ -19,6 +19,10 @@ from yasps.stepping.backward_euler import LAGGING
 
 LOGGER = logging.getLogger("yasps")
 
+FRICTION_BALANCE = 1e-3
+"""Relative force tolerance with friction. What sticks is so stiff that where something is about to slide, Newton
+directions are shorter than any speed tells."""
+
 
 @dataclass(frozen=True)
 class ContactOptions:
@@ -28,7 +32,7 @@ class ContactOptions:
     barrier: str
     stiffness: float | None
     eps_v: float
-    """[m/s]"""
+    """[m/s], the speed below which things stick."""
     lagging: str
 
     def __post_init__(self) -> None:
@@ -47,6 +51,18 @@ class ContactOptions:
         unknown = sorted(self.table.names - set(names))
         if unknown:
             raise SceneError(f"the contact table names {unknown[0]!r}, but there are only {sorted(names)}")
+
+    def newton_settings(self, reach_speed: float, *, has_friction: bool) -> NewtonSettings:
+        """With which Newton's method stops well inside the activation distance, or contact forces would be left
+        half-balanced; with friction, well below the speed at which things stick, and not before forces balance.
+
+        reach_speed: activation distances a step [m/s].
+        """
+        tolerance = min(2e-3, 0.1 * reach_speed)
+        if not has_friction:
+            return NewtonSettings(tolerance, max_iterations=500)
+        tolerance = min(tolerance, 0.1 * self.eps_v)
+        return NewtonSettings(tolerance, max_iterations=500, relative_force_tolerance=FRICTION_BALANCE)
 
     def warn_of(self, settings: NewtonSettings) -> None:
         """Warns of a tolerance with which friction is not seen."""

@@ -110,10 +110,10 @@ class DrivenBodies:
             driven.multiplier = np.array(state[f"multiplier/{number}"])
 
 
-def _checked_vertices(body: Body, vertices: Iterable[int]) -> NDArray[np.int64]:
+def _checked_vertices(body: Body, vertices: object) -> NDArray[np.int64]:
     """Numbers of vertices of a body to pin, each once, [n]. Raises ConnectivityError."""
     what = f"the vertices of {body.name} to pin"
-    if isinstance(vertices, str) or not isinstance(vertices, Iterable):
+    if isinstance(vertices, str | bytes) or not isinstance(vertices, Iterable):
         raise ConnectivityError(f"{what} are a list of their numbers, got {vertices!r}")
     given = plain_array(vertices if isinstance(vertices, np.ndarray) else list(vertices), what, ConnectivityError)
     if given.dtype == np.bool_:

@@ -7,7 +7,6 @@ in the next line.
 
 from __future__ import annotations
 
-import logging
 import time
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
@@ -42,8 +41,6 @@ from yasps.stepping import (
     step_report,
 )
 
-LOGGER = logging.getLogger("yasps")
-
 
 class Recorder(Protocol):
     """What `run` shows every frame to."""
@@ -61,14 +58,15 @@ class Simulation:
     contact_stiffness: see `BarrierContact`; by default "log", with a tenth of the softer body's modulus [Pa]; for
     "paper" 10 N over the cubed activation distance [J/m^4]. velocities: body -> velocity at the start [m/s], one or one
     for each vertex. settings: of Newton's method; by default the tolerance is a tenth of the activation distance a
-    step, at most 2e-3 m/s, with friction at most a tenth of eps_v. eps_v: speed below which things with friction stick
-    [m/s]. lagging: see `BackwardEuler`. rescue: how often a time step that fails is cut in two, see `step`.
+    step, at most 2e-3 m/s; with friction at most a tenth of eps_v, and forces balance to 1e-3 of the largest. eps_v:
+    speed below which things with friction stick [m/s]. lagging: see `BackwardEuler`. rescue: how often a time step that
+    fails is cut in two, see `step`.
 
     `time_step` and `gravity` are constants of the scene that can be changed between steps; `before_step` and
     `after_step` are lists of functions that are called with the simulation.
 
-    Raises SceneError, DataError, NameTakenError, UnsupportedSceneError, IntersectionError
-    if surfaces cross at the start; nothing is added to the scene then.
+    Raises SceneError, DataError, NameTakenError, UnsupportedSceneError, IntersectionError if surfaces cross at the
+    start; nothing is added to the scene then.
     """
 
     def __init__(
@@ -252,14 +250,11 @@ class Simulation:
         return self.contact is not None and self.contact.friction is not None
 
     def _newton_settings(self) -> NewtonSettings:
-        """Those given. By default Newton's method stops well inside the activation distance, or contact forces would be
-        left half-balanced, and, with friction, well below the speed at which things stick."""
+        """Those given, or those that suit the time step."""
         if self._settings is not None:
             return self._settings
-        tolerance = min(2e-3, 0.1 * self.activation_distance / float(self.time_step.value[0]))
-        if self._has_friction:
-            tolerance = min(tolerance, 0.1 * self._options.eps_v)
-        return NewtonSettings(velocity_tolerance=tolerance, max_iterations=500)
+        seconds = float(self.time_step.value[0])
+        return self._options.newton_settings(self.activation_distance / seconds, has_friction=self._has_friction)
 
     def _number_of(self, body: Body) -> int:
         if body not in self.bodies:
@@ -313,7 +308,8 @@ class Simulation:
 
         force: one for all vertices or [n, 3], which `update_value` changes between steps; or a field, a function of
         positions [n, 3], velocities [n, 3] and time [s] that gives them at the beginning of every step: wind, drag,
-        magnets. Forces stay the same within a step. Where one has a potential, an energy on `body.vertices` is exact.
+        magnets. Forces stay the same within a step, also in one that is tried in parts. Where one has a potential, an
+        energy on `body.vertices` is exact.
 
         Raises SceneError, NameTakenError, DataError or ShapeMismatchError for forces of another shape.
         """
