@@ -75,7 +75,9 @@ def masonry_arch(friction: float, count: int = 25, scene: Scene | None = None) -
         [*stones, *abutments, HalfSpace(scene, "ground", height=-BELOW)],
         activation_distance=DISTANCE,
         contacts=ContactTable(friction=friction),
-        settings=NewtonSettings(velocity_tolerance=1e-4, solver="direct", max_iterations=500),
+        settings=NewtonSettings(
+            velocity_tolerance=1e-4, relative_force_tolerance=1e-3, solver="direct", max_iterations=500
+        ),
     )
 
 

@@ -248,7 +248,7 @@ class BarrierContact(InScene):
         if np.array_equal(where, self._accepted):
             return
         try:
-            self.geometry.check_way(self._accepted, where)
+            self.check_free_way(self._accepted, where)
         except IntersectionError as error:
             raise IntersectionError(
                 f"positions were changed since the last step (by update_value?), and something is in the way: {error}."

@@ -7,37 +7,27 @@ in the next line.
 
 from __future__ import annotations
 
-import logging
-import tempfile
 import time
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from yasps import (
-    Attribute,
-    ConnectivityError,
-    Scene,
-    SceneError,
-    ShapeMismatchError,
-    UnsupportedSceneError,
-    YaspsError,
-    materials,
-)
-from yasps.bodies import Body, HalfSpace, MovingObstacle
+from yasps import Attribute, Scene, SceneError, YaspsError, materials
+from yasps.bodies import Body, MovingObstacle
 from yasps.contact import BarrierContact, ContactForces, ContactTable, check_start, contact_forces
-from yasps.frontend.language.arrays import checked_count, positive_number, real_numbers
+from yasps.frontend.language.arrays import checked_count, in_instances, positive_number, real_numbers
 from yasps.meshes.tetrahedral_mesh import Float64Array
 from yasps.output import FrameProgress, TimeTable
+from yasps.simulation.applied_forces import AppliedForces, ForceField
+from yasps.simulation.checks import check_names, checked_bodies, checked_velocities, vertex_velocities
+from yasps.simulation.contact_of_bodies import ContactOptions, add_contact, stands_still
+from yasps.simulation.driven_bodies import DrivenBodies
+from yasps.simulation.state_files import read_state, write_state
 from yasps.stepping import (
-    Anchors,
     BackwardEuler,
-    Driven,
-    DrivenSurface,
     DrivenVertices,
     MovingPart,
     NewtonReport,
@@ -45,19 +35,11 @@ from yasps.stepping import (
     Pins,
     Prescribed,
     StepReport,
+    energies_by_kind,
+    forces_by_term,
     step_or_halves,
     step_report,
 )
-
-LOGGER = logging.getLogger("yasps")
-
-PIN_STIFFNESS = 1e3
-"""Stiffness of a pin, in masses of its body over the squared time step: a body that hangs on one sinks by
-g dt^2 / 1e3."""
-
-
-ForceField = Callable[[Float64Array, Float64Array, float], ArrayLike]
-"""Forces [N] on vertices, [n, 3] or [3], of their positions [m] and velocities [m/s], both [n, 3], and the time [s]."""
 
 
 class Recorder(Protocol):
@@ -65,15 +47,6 @@ class Recorder(Protocol):
 
     def record(self, simulation: Simulation) -> None:
         """Notes the state as it is now."""
-
-
-@dataclass(frozen=True)
-class _ContactOptions:
-    table: ContactTable
-    barrier: str
-    stiffness: float | None
-    eps_v: float
-    lagging: str
 
 
 class Simulation:
@@ -85,13 +58,15 @@ class Simulation:
     contact_stiffness: see `BarrierContact`; by default "log", with a tenth of the softer body's modulus [Pa]; for
     "paper" 10 N over the cubed activation distance [J/m^4]. velocities: body -> velocity at the start [m/s], one or one
     for each vertex. settings: of Newton's method; by default the tolerance is a tenth of the activation distance a
-    step, at most 2e-3 m/s, with friction at most a tenth of eps_v. eps_v: speed below which things with friction stick
-    [m/s]. lagging: see `BackwardEuler`. rescue: how often a time step that fails is cut in two, see `step`.
+    step, at most 2e-3 m/s; with friction at most a tenth of eps_v, and forces balance to 1e-3 of the largest. eps_v:
+    speed below which things with friction stick [m/s]. lagging: see `BackwardEuler`. rescue: how often a time step that
+    fails is cut in two, see `step`.
 
-    `gravity` is a constant of the scene that can be changed between steps; `before_step` and `after_step` are lists of
-    functions that are called with the simulation.
+    `time_step` and `gravity` are constants of the scene that can be changed between steps; `before_step` and
+    `after_step` are lists of functions that are called with the simulation.
 
-    Raises SceneError, IntersectionError if surfaces cross at the start.
+    Raises SceneError, DataError, NameTakenError, UnsupportedSceneError, IntersectionError if surfaces cross at the
+    start; nothing is added to the scene then.
     """
 
     def __init__(
@@ -119,36 +94,37 @@ class Simulation:
         self.after_step: list[Callable[[Simulation], None]] = []
         self.times = times or TimeTable()
         self.frame = 0
-        self._last: NewtonReport | None = None
-        self._has_contact = contact
-        self._given = (activation_distance, settings)
-        self._contact_options = _ContactOptions(
-            contacts or ContactTable(),
-            barrier,
-            contact_stiffness,
-            positive_number(eps_v, "eps_v", "m/s", SceneError),
-            lagging,
-        )
-        self._predicted: dict[Body, Attribute] = {}
-        self._fields: list[tuple[Body, ForceField, str]] = []
-        self._unions = self._pins = 0
-        self._drives: dict[Body, DrivenSurface] = {}
-        self._driven: list[Driven] = []
-        """All that is driven, obstacles and pins."""
         self.rescue = checked_count(rescue, "rescue", 0, SceneError)
         self.contact: BarrierContact | None = None
-        if not time_step > 0:
-            raise SceneError(f"time_step must be positive, got {time_step} s")
-        self._check(bodies)
-        if contact:
-            check_start(bodies, self._contact_options.table)
+        self._last: NewtonReport | None = None
+        self._has_contact = contact
+        self._options = ContactOptions(
+            ContactTable() if contacts is None else contacts, barrier, contact_stiffness, eps_v, lagging
+        )
+        if settings is not None and not isinstance(settings, NewtonSettings):
+            raise SceneError(f"settings are NewtonSettings (yasps.stepping), got {settings!r}")
+        self._settings = settings
+        self._predicted: dict[Body, Attribute] = {}
+        self._forces = AppliedForces(self.velocity_of, lambda: self.time)
+        self._unions = 0
+        self._known: set[str] = set()
+        """Names of all bodies that were ever in it."""
+        time_step = positive_number(time_step, "time_step", "s", SceneError)
+        gravity = in_instances(real_numbers(gravity, "gravity"), 1, (3, 1), "gravity")
+        check_names(scene, ["time_step", "gravity", *(["everything"] if contact else [])])
+        chosen = self._check(bodies)
+        moving = [body for body in chosen if not body.is_fixed]
+        if activation_distance is None:
+            corners = np.concatenate([body.positions() for body in moving])
+            activation_distance = 1e-3 * float(np.linalg.norm(np.ptp(corners, axis=0)))
+        self.activation_distance = positive_number(activation_distance, "activation_distance", "m")
+        start = checked_velocities(velocities, moving)
         self.time_step = scene.add_constant("time_step", 1, 1, value=time_step)
         self.gravity = scene.add_constant("gravity", 3, 1, value=gravity)
-        for body in bodies:
+        self.driven = DrivenBodies(scene, self.time_step)
+        for body in chosen:
             self._take(body)
-        self._connect({})
-        for body, velocity in (velocities or {}).items():
-            self.set_velocity(body, velocity)
+        self._connect(start)
 
     # -- bodies --------------------------------------------------------------------------------------------
 
@@ -164,63 +140,55 @@ class Simulation:
         Raises SceneError, IntersectionError; nothing is added then.
         """
         self._check([*self.bodies, *bodies])
-        if self._has_contact:
-            check_start([*self.bodies, *bodies], self._contact_options.table)
         before = self._motion()
-        for body in bodies:
-            self._take(body)
         try:
-            self._connect(before)
-        except YaspsError:
             for body in bodies:
-                self._forget(body)
+                self._take(body)
+            self._connect(before)
+        except BaseException:
+            for body in bodies:
+                if body in self.bodies:
+                    self._forget(body)
             raise
 
     def remove(self, *bodies: Body) -> None:
-        """Takes bodies away between steps, with all energies that they added; the same is compiled again as in `add`.
+        """Takes bodies away between steps, with all energies that they added; their pins and fields of forces are gone
+        for good. The same is compiled again as in `add`.
 
         Raises SceneError for a body that is not there, or if nothing would move any more.
         """
         for body in bodies:
             self._number_of(body)
-        self._check([body for body in self.bodies if body not in bodies])
+        self._check([body for body in self.bodies if body not in bodies], looks=False)
         before = self._motion()
-        for body in bodies:
+        for body in dict.fromkeys(bodies):
             self._forget(body)
         self._connect(before)
 
-    def _check(self, bodies: Sequence[Body]) -> None:
-        for body in bodies:
-            if not isinstance(body, Body):
-                raise SceneError(f"a simulation is made of bodies (yasps.bodies), got {body!r}")
-            if body.scene is not self.scene:
-                raise SceneError(f"body {body.name!r} belongs to another scene")
-        if len(set(bodies)) != len(bodies):
-            raise SceneError("a body is named twice")
-        if all(body.is_fixed for body in bodies):
-            raise SceneError("nothing can move: give the simulation at least one body that is not fixed")
+    def _check(self, bodies: Iterable[Body], *, looks: bool = True) -> list[Body]:
+        """The bodies, if they can make a simulation; looks: whether where they are is looked at, too."""
+        chosen = checked_bodies(bodies, self.scene, self._predicted)
+        if self._has_contact and looks:
+            self._options.check_names(self._known | {body.name for body in chosen})
+            check_start(chosen, self._options.table)
+        return chosen
 
     def _take(self, body: Body) -> None:
         """Inertia and gravity of a body."""
         self.bodies.append(body)
+        self._known.add(body.name)
         if isinstance(body, MovingObstacle):
-            if self.scene.is_on_device:
-                raise UnsupportedSceneError(f"{body.name} moves, which is for the CPU only: take device='cpu'")
-            self._drives[body] = DrivenSurface(body, float(self.time_step.value[0]))
-            self._driven.append(self._drives[body])
-            self.scene.add_minimize_target(body.progress)
-            if body.energies[0] not in self.scene.energies:
-                self.scene.add_energy(body.energies[0])
+            self.driven.add(body)
         if body.is_fixed:
             return
         vertices = body.vertices
-        if "predicted" not in vertices.attributes:
+        if body not in self._predicted:
             predicted = vertices.add_constant("predicted", rows=3, cols=1, value=body.positions())
             inertia = materials.inertia(body.position, predicted, body.mass, self.time_step)
             vertices.add_attribute("inertia", computed_attribute=inertia)
             weight = materials.gravity(body.position, body.mass, self.gravity)
             vertices.add_attribute("gravity", computed_attribute=weight)
-        self._predicted[body] = vertices["predicted"]
+            self._predicted[body] = predicted
         registered = self.scene.energies
         for energy in (vertices["inertia"], vertices["gravity"], *body.energies):
             if energy not in registered:
@@ -229,102 +197,69 @@ class Simulation:
 
     def _forget(self, body: Body) -> None:
         self.bodies.remove(body)
-        self._fields = [field for field in self._fields if field[0] is not body]
-        if isinstance(body, MovingObstacle):
-            self._driven.remove(self._drives.pop(body))
-            self.scene.remove_energy(body.energies[0])
-            self.scene.remove_minimize_target(body.progress)
+        self._forces.forget(body)
+        self.driven.forget(body)
         if body.is_fixed:
             return
-        self._driven[:] = [driven for driven in self._driven if driven.position is not body.position]
         for energy in (body.vertices["inertia"], body.vertices["gravity"], *body.energies):
             self.scene.remove_energy(energy)
         self.scene.remove_minimize_target(list(body.targets))
 
     def _connect(self, velocities: Mapping[Body, Float64Array]) -> None:
         """The union of all vertices, contact on it, and a stepper that starts with these velocities."""
-        activation_distance, settings = self._given
-        if activation_distance is None:
-            corners = np.concatenate([body.positions() for body in self.moving])
-            activation_distance = 1e-3 * float(np.linalg.norm(np.ptp(corners, axis=0)))
-        self.activation_distance = activation_distance
         if self._has_contact:
-            contact = self._add_contact()
+            name = f"everything_{self._unions}" if self._unions else "everything"
+            self._unions += 1
+            contact = add_contact(
+                self.scene,
+                name,
+                self.bodies,
+                self._options,
+                activation_distance=self.activation_distance,
+                time_step=self.time_step,
+            )
             if self.contact is not None:
                 for energy in self.contact.energies:
                     self.scene.remove_energy(energy)
             self.contact = contact
-        time_step = float(self.time_step.value[0])
-        options = self._contact_options
-        tolerance = min(2e-3, 0.1 * activation_distance / time_step)
-        if self.contact is not None and self.contact.friction is not None:
-            tolerance = min(tolerance, 0.1 * options.eps_v)
-            if settings is not None and (settings.velocity_tolerance or 0.0) > 0.1 * options.eps_v:
-                LOGGER.warning(
-                    "friction: the velocity tolerance, %.3g m/s, is more than a tenth of eps_v, %.3g m/s, the speed"
-                    " below which things stick: whether they do is left to chance",
-                    settings.velocity_tolerance,
-                    options.eps_v,
-                )
+        if self._has_friction and self._settings is not None:
+            self._options.warn_of(self._settings)
         now = self.time
         self.stepper = BackwardEuler(
             self.scene,
             [MovingPart(body.position, self._predicted[body], body.mass) for body in self.moving],
-            time_step,
+            float(self.time_step.value[0]),
             self.contact,
-            accelerations={target: self.gravity.value for body in self.moving for target in body.falling},
-            # Newton stops well inside the activation distance, or contact forces would be left half-balanced.
-            settings=settings or NewtonSettings(velocity_tolerance=tolerance, max_iterations=500),
-            lagging=options.lagging,
+            accelerations={target: self.gravity for body in self.moving for target in body.falling},
+            settings=self._newton_settings(),
+            lagging=self._options.lagging,
             times=self.times,
             arms={target: arm for body in self.moving for target, arm in body.arms.items()},
         )
         self.stepper.time = now
-        self.stepper.driven = self._driven
-        self.stepper.driven_tolerance = 1e-6 * activation_distance
+        self.stepper.driven = self.driven.all
+        self.stepper.driven_tolerance = 1e-6 * self.activation_distance
         if self.contact is not None:
-            still = [body.is_fixed and body not in self._drives for body in self.bodies if len(body.rest)]
-            self.stepper.immovable = np.repeat(still, [len(body.rest) for body in self.bodies if len(body.rest)])
+            self.stepper.immovable = stands_still(self.bodies)
         for body, velocity in velocities.items():
             if body in self.bodies:
                 self.set_velocity(body, velocity)
 
-    def _add_contact(self) -> BarrierContact:
-        options = self._contact_options
-        stiffness = options.stiffness
-        if stiffness is None and options.barrier == "paper":
-            stiffness = 10.0 / self.activation_distance**3
-        everything = self.scene.add_mesh(f"everything_{self._unions}" if self._unions else "everything")
-        self._unions += 1
-        bodies = [body for body in self.bodies if not isinstance(body, HalfSpace)]
-        union = everything.add_primitive_union("vertices", [body.vertices for body in bodies])
-        union.add_attribute("position")
-        union.add_attribute("rest_position")
-        counts = [len(body.rest) for body in bodies]
-        starts = union.offsets()
-        groups = [-1 if body.meets_itself else number for number, body in enumerate(bodies)]
-        return BarrierContact(
-            everything,
-            union,
-            np.concatenate([body.triangles + start for body, start in zip(bodies, starts, strict=False)]),
-            edges=np.concatenate([body.edges + start for body, start in zip(bodies, starts, strict=False)]),
-            points=np.concatenate([body.points + start for body, start in zip(bodies, starts, strict=False)]),
-            radii=np.concatenate([body.radii() for body in bodies]),
-            activation_distance=self.activation_distance,
-            barrier=options.barrier,
-            stiffness=stiffness,
-            table=options.table,
-            moduli={body.name: body.contact_modulus for body in self.bodies},
-            planes=[body.plane for body in self.bodies if isinstance(body, HalfSpace)],
-            fixed=np.repeat([body.is_fixed and body not in self._drives for body in bodies], counts),
-            group=np.repeat(groups, counts),
-            objects={body.name: len(body.rest) for body in bodies},
-            slip_length=self.time_step * options.eps_v,
-        )
+    @property
+    def _has_friction(self) -> bool:
+        return self.contact is not None and self.contact.friction is not None
+
+    def _newton_settings(self) -> NewtonSettings:
+        """Those given, or those that suit the time step."""
+        if self._settings is not None:
+            return self._settings
+        seconds = float(self.time_step.value[0])
+        return self._options.newton_settings(self.activation_distance / seconds, has_friction=self._has_friction)
 
     def _number_of(self, body: Body) -> int:
         if body not in self.bodies:
-            raise SceneError(f"body {body.name!r} is not in this simulation; it has {[b.name for b in self.bodies]}")
+            name = getattr(body, "name", body)
+            raise SceneError(f"body {name!r} is not in this simulation; it has {[b.name for b in self.bodies]}")
         return self.moving.index(body) if not body.is_fixed else -1
 
     # -- motion --------------------------------------------------------------------------------------------
@@ -332,9 +267,7 @@ class Simulation:
     def velocity_of(self, body: Body) -> Float64Array:
         """Velocities of a body's vertices [m/s], [n, 3]; zero for a fixed one."""
         number = self._number_of(body)
-        if body in self._drives:
-            return self._drives[body].velocity.copy()
-        return np.zeros((len(body.rest), 3)) if number < 0 else self.stepper.velocities[number].copy()
+        return self.driven.velocity_of(body) if number < 0 else self.stepper.velocities[number].copy()
 
     def set_velocity(self, body: Body, velocity: ArrayLike, angular: ArrayLike = (0.0, 0.0, 0.0)) -> None:
         """Velocity of a body for the next step [m/s], one or one for each vertex [n, 3], and its rotation [rad/s] about
@@ -342,28 +275,12 @@ class Simulation:
         number = self._number_of(body)
         if number < 0:
             raise SceneError(f"{body.name} is fixed and has no velocity")
-        given, turning = np.asarray(velocity, dtype=np.float64), np.asarray(angular, dtype=np.float64)
-        positions = body.positions()
-        if given.shape not in ((3,), positions.shape) or turning.shape != (3,):
-            raise SceneError(
-                f"the velocity of {body.name} is [3] or {list(positions.shape)} and its rotation [3], got "
-                f"{list(given.shape)} and {list(turning.shape)}"
-            )
-        mass = body.mass.value
-        arms = positions - mass @ positions / mass.sum()
-        self.stepper.velocities[number] = given + np.cross(turning, arms)
+        self.stepper.velocities[number] = vertex_velocities(body, velocity, angular)
 
     def _motion(self) -> dict[Body, Float64Array]:
         return {body: self.velocity_of(body) for body in self.moving}
 
     # -- what is driven ------------------------------------------------------------------------------------
-
-    def _add_anchors(self, body: Body) -> Anchors:
-        """Springs that hold nothing yet."""
-        self._pins += 1
-        anchors = Anchors(body.mesh, f"pins_{self._pins}", body.vertices)
-        body.add_energy(anchors.energy)
-        return anchors
 
     def pin(
         self,
@@ -384,62 +301,21 @@ class Simulation:
         """
         if self._number_of(body) < 0:
             raise SceneError(f"{body.name} is fixed already")
-        chosen = np.asarray(list(vertices), dtype=np.int64)
-        bad = (chosen < 0) | (chosen >= len(body.rest))
-        if bad.any():
-            raise ConnectivityError(f"{body.name} has vertices 0 to {len(body.rest) - 1}, got {chosen[bad][0]} to pin")
-        if stiffness is not None or self.scene.is_on_device:
-            if motion is not None:
-                raise SceneError("springs have no motion: move them by pins.move_to(places), or leave stiffness out")
-            if stiffness is None:
-                stiffness = PIN_STIFFNESS * float(body.mass.value.sum()) / float(self.time_step.value[0]) ** 2
-            anchors = self._add_anchors(body)
-            anchors.hold(chosen, body.positions()[chosen], stiffness)
-            return Pins(anchors)
-        for other in self._driven:
-            if other.position is body.position and not other.is_released and np.isin(chosen, other.vertices).any():
-                raise SceneError(f"some of these vertices of {body.name} are pinned already: release those pins first")
-        pins = DrivenVertices(
-            f"a pin of {body.name}",
-            body.position,
-            chosen,
-            self._add_anchors(body),
-            body.positions()[chosen] if motion is None else motion,
-            spacing=float(self.time_step.value[0]),
-            is_exact=body.position in self.scene.minimize_targets,
-        )
-        self._driven.append(pins)
-        return pins
+        return self.driven.pin(body, vertices, stiffness, motion)
 
     def add_force(self, body: Body, force: ArrayLike | ForceField = (0.0, 0.0, 0.0), name: str = "force") -> Attribute:
         """A force [N] on each vertex of a body; returns the attribute that holds it, 3x1. It compiles once.
 
         force: one for all vertices or [n, 3], which `update_value` changes between steps; or a field, a function of
         positions [n, 3], velocities [n, 3] and time [s] that gives them at the beginning of every step: wind, drag,
-        magnets. Forces stay the same within a step. Where one has a potential, an energy on `body.vertices` is exact.
+        magnets. Forces stay the same within a step, also in one that is tried in parts. Where one has a potential, an
+        energy on `body.vertices` is exact.
 
         Raises SceneError, NameTakenError, DataError or ShapeMismatchError for forces of another shape.
         """
         if self._number_of(body) < 0:
             raise SceneError(f"{body.name} is fixed: a force does nothing to it")
-        values = self._forces(body, force, name)
-        holder = body.vertices.add_constant(name, 3, 1, value=values)
-        load = materials.dead_load(body.position, holder)
-        body.add_energy(body.vertices.add_attribute(f"{name}_load", computed_attribute=load))
-        if callable(force):
-            self._fields.append((body, force, name))
-        return holder
-
-    def _forces(self, body: Body, force: ArrayLike | ForceField, name: str) -> Float64Array:
-        """Forces on the vertices now, [n, 3]."""
-        if callable(force):
-            force = force(body.positions(), self.velocity_of(body), self.time)
-        values = real_numbers(force, f"the forces {name!r} on {body.name}")
-        if values.shape not in ((3,), body.rest.shape):
-            raise ShapeMismatchError(
-                f"the forces {name!r} on {body.name} are [3] or {list(body.rest.shape)}, got {list(values.shape)}"
-            )
-        return np.array(np.broadcast_to(values, body.rest.shape))
+        return self._forces.add(body, force, name)
 
     # -- steps ---------------------------------------------------------------------------------------------
 
@@ -449,10 +325,10 @@ class Simulation:
         return self.stepper.time if hasattr(self, "stepper") else 0.0
 
     def energy(self) -> float:
-        """Kinetic, elastic, gravitational and contact energy together [J]."""
-        values = self.scene.energy_values()
-        potential = sum(float(v.sum()) for path, v in values.items() if not path.endswith(".vertices.inertia"))
-        return potential + self.stepper.kinetic_energy()
+        """Kinetic, elastic, gravitational and contact energy together, with energies of one's own [J]. The potential of
+        friction is left out, which is none of the motion's."""
+        energies = energies_by_kind(self.scene, self.stepper)
+        return sum(energies.values()) - energies["friction"]
 
     def step(self) -> NewtonReport:
         """One time step.
@@ -466,17 +342,15 @@ class Simulation:
         """
         for call in self.before_step:
             call(self)
-        before, past = self.state(), None if self.contact is None else self.contact.save()
-        for body, field, name in self._fields:
-            body.vertices[name].update_value(self._forces(body, field, name))
+        before = self.state()
+        seconds = positive_number(self.time_step.value[0], "time_step", "s", SceneError)
+        if seconds != self.stepper.time_step:
+            self.stepper.time_step, self.stepper.settings = seconds, self._newton_settings()
+        self._forces.update()
         try:
             report = step_or_halves(self.stepper, self._set_time_step, self.rescue)
         except YaspsError as error:
-            self._set_state(before)
-            if self.contact is not None and past is not None:
-                self.contact.load(past)
-            file = Path(tempfile.mkdtemp(prefix="yasps-")) / f"{self.scene.name}-step-{self.frame + 1}.npz"
-            np.savez(file, allow_pickle=False, **before)
+            file = write_state(before, f"{self.scene.name}-step-{self.frame + 1}")
             error.add_note(
                 f"step {self.frame + 1} of {self.scene.name} (t = {self.time:.6g} s) failed; the state before it is in "
                 f"{file}: simulation.restore({str(file)!r}) and simulation.step() repeat it"
@@ -498,6 +372,7 @@ class Simulation:
 
         Raises what `step` raises, and IntersectionError should surfaces ever cross.
         """
+        frames = checked_count(frames, "frames", 0, SceneError)
         reports = []
         if recorder is not None and self.frame == 0:
             recorder.record(self)
@@ -542,14 +417,7 @@ class Simulation:
     def forces_by_term(self) -> dict[str, dict[str, Float64Array]]:
         """Path of an energy -> path of a target -> minus the energy's gradient there, [instances, 3] in N for a 3x1
         target in metres, else [instances, rows, columns]. These are the generalised forces of reduced coordinates."""
-        compiled = self.scene.compile()
-        return {
-            path: {
-                target.path: -part.reshape(-1, *(target.shape if target.shape[1] > 1 else target.shape[:1]))
-                for target, part in zip(compiled.targets, compiled.split(gradient), strict=True)
-            }
-            for path, gradient in compiled.gradients().items()
-        }
+        return forces_by_term(self.scene)
 
     def report(self) -> StepReport:
         """The present state in numbers: energies, momentum, contact, and what the last step took. All of it is computed
@@ -563,30 +431,31 @@ class Simulation:
     def state(self) -> dict[str, Float64Array]:
         """All that the next step depends on apart from the scene itself, by name."""
         numbers = {f"target/{target.path}": target.value for target in self.scene.minimize_targets}
+        numbers |= {f"target_velocity/{target.path}": v.copy() for target, v in self.stepper.velocities_of_targets()}
         numbers |= {f"velocity/{body.name}": self.velocity_of(body) for body in self.moving}
-        numbers |= {f"place/{body.name}": body.positions() for body in self._drives}
-        numbers |= {f"multiplier/{k}": driven.multiplier.copy() for k, driven in enumerate(self._driven)}
-        return numbers | {"time": np.array(self.time), "frame": np.array(float(self.frame))}
+        return numbers | self.driven.state() | {"time": np.array(self.time), "frame": np.array(float(self.frame))}
 
     def restore(self, file: str | Path) -> None:
-        """Sets the state to that of a file that a failed step wrote. Raises SceneError if it is of another scene."""
-        with np.load(file, allow_pickle=False) as stored:
-            state = {name: np.asarray(stored[name]) for name in stored.files}
+        """Sets the state to that of a file that a failed step wrote. Raises SceneError for another file, or one of
+        another scene; IntersectionError if it crosses what is here now, such as an obstacle that was moved since.
+        Nothing has changed then."""
         here = self.state()
-        if {name: value.shape for name, value in here.items()} != {name: value.shape for name, value in state.items()}:
-            differing = sorted(set(here) ^ set(state)) or [n for n in here if here[n].shape != state[n].shape]
-            raise SceneError(f"{file} is the state of another scene: {differing[0]} differs")
-        self._set_state(state)
+        state = read_state(file, here)
+        try:
+            self._set_state(state)
+        except YaspsError:
+            self._set_state(here)
+            raise
 
     def _set_state(self, state: Mapping[str, Float64Array]) -> None:
         for target in self.scene.minimize_targets:
             target.update_value(state[f"target/{target.path}"])
         for number, body in enumerate(self.moving):
             self.stepper.velocities[number] = np.array(state[f"velocity/{body.name}"])
-        for body, surface in self._drives.items():
-            surface.put(state[f"place/{body.name}"])
-        for number, driven in enumerate(self._driven):
-            driven.multiplier = np.array(state[f"multiplier/{number}"])
+        self.driven.set_state(state)
+        self.stepper.target_velocities = [
+            np.array(state[f"target_velocity/{target.path}"]) for target in self.scene.minimize_targets
+        ]
         self.stepper.time, self.frame = float(state["time"]), int(state["frame"])
         if self.contact is not None:
             self.contact.reset()
