@@ -45,7 +45,8 @@ def surfaces_intersect(simulation: Simulation) -> bool:
 def least_distance_between_bodies(simulation: Simulation) -> float:
     """Least distance of two surfaces of different bodies that are near each other [m]; infinite if none are."""
     mesh, points, owner = collision_mesh(simulation)
-    mesh.can_collide = lambda first, second: bool(owner[first] != owner[second])
+    # Not a function of Python: threads of ipctk would wait for this one, which waits for them.
+    mesh.can_collide = ipctk.make_vertex_patches_filter(owner.astype(np.int32))
     near = ipctk.NormalCollisions()
     near.build(mesh, points, 2 * simulation.activation_distance, 0.0, ipctk.BruteForce())
     return float(np.sqrt(near.compute_minimum_distance(mesh, points))) if len(near) else np.inf
