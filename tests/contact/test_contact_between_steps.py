@@ -180,7 +180,7 @@ def test_steps_do_not_look_at_their_own_ways_again(monkeypatch: pytest.MonkeyPat
     """Neither after flight nor in contact: what a step accepted is where the next one starts."""
     scene = on_ground("soft", gap=2.5e-3)
 
-    def refuse(*_: object) -> None:
+    def refuse(*_: object, **__: object) -> None:
         raise AssertionError("nothing was moved from outside")
 
     monkeypatch.setattr(CollisionGeometry, "check_way", refuse)
