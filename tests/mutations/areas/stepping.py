@@ -205,7 +205,7 @@ MUTATIONS = (
         "a motion that raises leaves the first half of its step",
         "yasps/stepping/rescue.py",
         "    except BaseException:\n        stepper.load(before)\n        raise\n    finally:",
-        "    except ArithmeticError:\n        stepper.load(before)\n        raise\n    finally:",
+        "    except ValueError:\n        stepper.load(before)\n        raise\n    finally:",
         (f"{BAD_INPUT}::test_a_motion_that_fails_moves_nothing",),
     ),
     Mutation(
