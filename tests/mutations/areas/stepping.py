@@ -216,6 +216,13 @@ MUTATIONS = (
         (f"{SIMULATION}::test_the_time_step_and_gravity_may_change_between_steps",),
     ),
     Mutation(
+        "forces are read with the time step of the next step",
+        "yasps/simulation/simulation.py",
+        "        self.time_step.update_value(self.stepper.last_time_step)\n",
+        "",
+        (f"{RESCUE}::test_forces_that_are_read_are_those_of_the_last_part",),
+    ),
+    Mutation(
         "first guesses fall as at the beginning",
         "yasps/simulation/simulation.py",
         "target: self.gravity for body",
