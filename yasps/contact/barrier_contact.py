@@ -25,7 +25,7 @@ from yasps.contact.friction import Friction, Lag, checked_slip_length
 from yasps.contact.half_spaces import HalfSpaces, Plane
 from yasps.contact.kinds import HALF_SPACE, KINDS
 from yasps.contact.pair_primitive import ContactParts, PairPrimitive
-from yasps.contact.surface_arguments import checked_points, checked_radii
+from yasps.contact.surface_arguments import checked_points, checked_radii, ranges_of_objects
 from yasps.contact.surface_measures import SurfaceMeasures, add_surface_points
 from yasps.frontend.language.arrays import positive_number
 from yasps.frontend.language.in_scene import InScene
@@ -36,6 +36,8 @@ LOGGER = logging.getLogger("yasps")
 MARGIN = 0.25
 """Ways that leave another by less than this many activation distances share its candidates: a larger margin saves
 searches, but brings more pairs to measure at every trial step."""
+PROJECTIONS = ("clamp", "abs", "none")
+"""Of energies, as `Scene.add_energy` takes them."""
 
 
 @dataclass(frozen=True)
@@ -101,6 +103,13 @@ class BarrierContact(InScene):
     ) -> None:
         if barrier not in BARRIERS:
             raise SceneError(f"barrier is one of {', '.join(map(repr, BARRIERS))}, got {barrier!r}")
+        if projection not in PROJECTIONS:
+            raise SceneError(f"projection is one of {', '.join(map(repr, PROJECTIONS))}, got {projection!r}")
+        table = ContactTable() if table is None else table
+        if not isinstance(table, ContactTable):
+            raise SceneError(f"the table is a ContactTable, got {table!r}")
+        if not all(isinstance(plane, Plane) for plane in planes):
+            raise SceneError(f"planes are a list of Plane (yasps.contact), got {planes!r}")
         law = BARRIERS[barrier]
         if stiffness is not None or barrier == "paper":
             given = np.nan if stiffness is None else stiffness
@@ -113,15 +122,14 @@ class BarrierContact(InScene):
         self._lock = mesh.scene.lock
         positions = self.positions()
         objects = _members_of(vertices) if objects is None else objects
+        ranges_of_objects(objects, len(positions))
         thickness = checked_radii(radii, len(positions))
         rest = None if rest_positions is None else checked_points(rest_positions, "rest_positions", len(positions))
         has_own_rest = rest is None and "rest_position" in vertices
         if rest is None:
             rest = vertices["rest_position"].compute().array.reshape(-1, 3) if has_own_rest else positions
         moduli = {} if moduli is None or barrier == "paper" else moduli
-        self.laws = laws_of(
-            table or ContactTable(), objects, moduli, [plane.name for plane in planes], stiffness=stiffness
-        )
+        self.laws = laws_of(table, objects, moduli, [plane.name for plane in planes], stiffness=stiffness)
         slip_length = checked_slip_length(slip_length, mesh) if self.laws.has_friction else None
         self.geometry = CollisionGeometry(
             rest,

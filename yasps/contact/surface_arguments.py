@@ -135,7 +135,7 @@ def ranges_of_objects(objects: Mapping[str, int] | None, vertex_count: int) -> l
     if objects is None:
         return []
     ends = np.cumsum(list(objects.values())).tolist()
-    if ends[-1:] != [vertex_count]:
+    if ends[-1:] != [vertex_count] or min(objects.values()) < 0:
         raise DataError(
             f"objects must list the vertex counts of all meshes in the order of the union, which sum to"
             f" {vertex_count}; got {dict(objects)}"
