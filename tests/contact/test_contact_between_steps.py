@@ -15,6 +15,7 @@ from yasps import (
     ConnectivityError,
     DataError,
     IntersectionError,
+    NameTakenError,
     NotConvergedError,
     Scene,
     SceneError,
@@ -313,6 +314,16 @@ def test_wrong_arguments_are_errors_of_ours_and_add_nothing(
     assert isinstance(caught.value, YaspsError)
     assert scene.energies == ()
     assert "reach" not in scene.m.attributes
+
+
+@pytest.mark.parametrize("name", ["surface_edges", "point_triangle_friction", "reach"])
+def test_names_that_contact_needs_are_asked_for_first(name: str) -> None:
+    scene, build = points_over_a_triangle(0.05)
+    scene.m.add_primitive(name, 1)
+    with pytest.raises(NameTakenError, match=f"has a part named '{name}' already"):
+        build(edges=[[0, 1]])
+    assert scene.energies == ()
+    assert "squared_reach" not in scene.m.attributes
 
 
 def test_a_nearly_singular_block_names_contact_and_its_vertices() -> None:

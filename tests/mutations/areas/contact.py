@@ -50,7 +50,7 @@ MUTATIONS = (
     ),
     Mutation(
         "the reach is not squared",
-        CODE,
+        "yasps/contact/contact_parts.py",
         "value=distance**2)",
         "value=distance)",
         IPCTK,
