@@ -42,8 +42,9 @@ class MovingObstacle(Obstacle):
     """A surface that moves as it is told, whatever is in its way; a simulation moves it.
 
     motion: where its vertices are [m]: a function of time [s] that gives [n, 3]; an array [steps + 1, n, 3], positions
-    at time 0 and at the end of each time step, the last ones from then on; an array [n, 3], where to be at the end of
-    the next step; or None, where `move_to` says. Vertices move straight within a step.
+    at time 0 and at the end of each time step (as long as that was at first), the last ones from then on; an array
+    [n, 3], where to be at the end of the next step; or None, where `move_to` says. Vertices move straight within a
+    step.
 
     Within a step vertices are on the way from where they were: `vertices`: `start` [m], `way` [m], both constant, and
     `position`, start + progress way. `course`: `progress`, a target from 0 to 1; `pull` [J] and `aim` of the energy

@@ -327,6 +327,9 @@ def _rubbing_of(
     potential, by_slip = friction_slopes(way, length, static, kinetic)
     load = pairs.primitive["normal_force"].compute().array.reshape(-1)
     push = (load * by_slip)[:, None] * slip
+    offset = (np.abs(weights) * parts.points["radius"].value[ids]).sum(axis=1)
+    if parts.is_thick:
+        offset = offset * pairs.primitive["share"].value
     count, arity = ids.shape
     forces, vertices = np.zeros((count, 4, 3)), np.full((count, 4), -1, np.int32)
     forces[:, :arity], vertices[:, :arity] = -weights[:, :, None] * push[:, None], ids
@@ -336,7 +339,7 @@ def _rubbing_of(
         bodies=bodies.astype(np.int32),
         point=_middles(name, corners, weights, lagged_way),
         normal=-normal,
-        gap=distance - (np.abs(weights) * parts.points["radius"].value[ids]).sum(axis=1),
+        gap=distance - offset,
         energy=load * potential,
         forces=forces,
         on_first=push,

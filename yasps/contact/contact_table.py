@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from yasps import SceneError
 from yasps.contact.active_set import Floats, Ids
+from yasps.frontend.language.arrays import positive_number, real_numbers
 
 LOGGER = logging.getLogger("yasps")
 
@@ -142,9 +143,16 @@ def laws_of(
     objects: name -> number of vertices, in order; moduli: name -> contact modulus [Pa], infinite where it is missing;
     planes: names of half-spaces. stiffness: of all pairs of which the table says nothing.
 
-    Raises SceneError for names in the table that nothing has, and where nothing says how stiff a contact is.
+    Raises SceneError for names that two things have, for names in the table that nothing has, for moduli that are not
+    positive, and where nothing says how stiff a contact is.
     """
     names = [*objects, *planes]
+    if len(set(names)) < len(names):
+        twice = next(name for name in names if names.count(name) > 1)
+        raise SceneError(f"two of the objects and half-spaces are named {twice!r}: give them names of their own")
+    for name, modulus in moduli.items():
+        if real_numbers(modulus, f"the contact modulus of {name!r}", SceneError, finite=False) != np.inf:
+            positive_number(modulus, f"the contact modulus of {name!r}", "Pa", SceneError)
     unknown = sorted(table.names - set(names))
     if unknown:
         raise SceneError(f"the contact table names {unknown[0]!r}, but there are only {', '.join(map(repr, names))}")

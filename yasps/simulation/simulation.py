@@ -7,10 +7,9 @@ in the next line.
 
 from __future__ import annotations
 
-import time
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from pathlib import Path
-from typing import Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -20,11 +19,12 @@ from yasps.bodies import Body, MovingObstacle
 from yasps.contact import BarrierContact, ContactForces, ContactTable, check_start, contact_forces
 from yasps.frontend.language.arrays import checked_count, in_instances, positive_number, real_numbers
 from yasps.meshes.tetrahedral_mesh import Float64Array
-from yasps.output import FrameProgress, TimeTable
+from yasps.output import TimeTable
 from yasps.simulation.applied_forces import AppliedForces, ForceField
 from yasps.simulation.checks import check_names, checked_bodies, checked_velocities, vertex_velocities
 from yasps.simulation.contact_of_bodies import ContactOptions, add_contact, stands_still
 from yasps.simulation.driven_bodies import DrivenBodies
+from yasps.simulation.frames import Recorder, run_frames
 from yasps.simulation.state_files import read_state, write_state
 from yasps.stepping import (
     BackwardEuler,
@@ -40,13 +40,6 @@ from yasps.stepping import (
     step_or_halves,
     step_report,
 )
-
-
-class Recorder(Protocol):
-    """What `run` shows every frame to."""
-
-    def record(self, simulation: Simulation) -> None:
-        """Notes the state as it is now."""
 
 
 class Simulation:
@@ -372,28 +365,7 @@ class Simulation:
 
         Raises what `step` raises, and IntersectionError should surfaces ever cross.
         """
-        frames = checked_count(frames, "frames", 0, SceneError)
-        reports = []
-        if recorder is not None and self.frame == 0:
-            recorder.record(self)
-        with FrameProgress(frames) as progress:
-            for frame in range(1, frames + 1):
-                begin = time.perf_counter()
-                report = self.step()
-                seconds = time.perf_counter() - begin
-                self.check_intersection_free()
-                if recorder is not None:
-                    with self.times.stage("output"):
-                        recorder.record(self)
-                reports.append(report)
-                progress.update(
-                    frame=frame,
-                    newton_iterations=report.iterations,
-                    cg_iterations=report.cg_iterations,
-                    contacts=report.contacts,
-                    milliseconds=1e3 * seconds,
-                )
-        return reports
+        return run_frames(self, frames, recorder)
 
     def check_intersection_free(self) -> None:
         """Raises IntersectionError, with names, if surfaces cross or touch."""
@@ -412,19 +384,34 @@ class Simulation:
             raise SceneError("this simulation was made with contact=False")
         bodies = [body for body in self.bodies if len(body.rest)]
         masses = [np.zeros(len(b.rest)) if b.is_fixed else np.asarray(b.mass.value) for b in bodies]
-        return contact_forces(self.contact, np.concatenate(masses))
+        with self._as_in_last_step():
+            return contact_forces(self.contact, np.concatenate(masses))
 
     def forces_by_term(self) -> dict[str, dict[str, Float64Array]]:
         """Path of an energy -> path of a target -> minus the energy's gradient there, [instances, 3] in N for a 3x1
         target in metres, else [instances, rows, columns]. These are the generalised forces of reduced coordinates."""
-        return forces_by_term(self.scene)
+        with self._as_in_last_step():
+            return forces_by_term(self.scene)
 
     def report(self) -> StepReport:
         """The present state in numbers: energies, momentum, contact, and what the last step took. All of it is computed
         by this call; steps pay nothing for it."""
         forces = None if self.contact is None else self.contact_forces()
         reach = self.activation_distance
-        return step_report(self.scene, self.stepper, frame=self.frame, newton=self._last, forces=forces, reach=reach)
+        with self._as_in_last_step():
+            return step_report(
+                self.scene, self.stepper, frame=self.frame, newton=self._last, forces=forces, reach=reach
+            )
+
+    @contextmanager
+    def _as_in_last_step(self) -> Iterator[None]:
+        """With the time step of the last step, or of its last part: what is read of friction and inertia is of it."""
+        now = self.time_step.value
+        self.time_step.update_value(self.stepper.last_time_step)
+        try:
+            yield
+        finally:
+            self.time_step.update_value(now)
 
     # -- state ---------------------------------------------------------------------------------------------
 

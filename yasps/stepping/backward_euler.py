@@ -43,7 +43,7 @@ class MovingPart:
 @dataclass(frozen=True)
 class StepperState:
     """What a step of `BackwardEuler` changes: values of targets, velocities of parts and targets, what driven
-    vertices say of themselves, what contact remembers, and the time."""
+    vertices say of themselves, what contact remembers, the time, and the time step of the last step."""
 
     targets: list[FloatArray]
     velocities: list[FloatArray]
@@ -51,6 +51,7 @@ class StepperState:
     driven: list[tuple[Any, ...]]
     contact: ContactPast | None
     time: float
+    last_time_step: float
 
 
 def _of_one_instance(acceleration: ArrayLike | Attribute, target: Attribute) -> FloatArray:
@@ -103,6 +104,8 @@ class BackwardEuler(InScene):
         self.arms = checked_arms(arms, scene)
         self.lagging = lagging
         self.time = 0.0
+        self.last_time_step = time_step
+        """Of the last step [s]: inertia and the slip length of friction are of it until the next."""
         self.driven: list[Driven] = []
         self.driven_tolerance = 1e-9
         self.immovable = np.zeros(0 if contact is None else len(contact.positions()), np.bool_)
@@ -141,6 +144,7 @@ class BackwardEuler(InScene):
         new_targets = Motion(self.scene).start
         self.target_velocities = [(new - old) / dt for new, old in zip(new_targets, old_targets, strict=True)]
         self.time += dt
+        self.last_time_step = dt
         return report
 
     def _follow_targets(self) -> None:
@@ -268,6 +272,7 @@ class BackwardEuler(InScene):
             [one.save() for one in self.driven],
             None if self.contact is None else self.contact.save(),
             self.time,
+            self.last_time_step,
         )
 
     def load(self, state: StepperState) -> None:
@@ -277,7 +282,7 @@ class BackwardEuler(InScene):
         self.target_velocities = [velocity.copy() for velocity in state.target_velocities]
         for one, saved in zip(self.driven, state.driven, strict=True):
             one.load(saved)
-        self.time = state.time
+        self.time, self.last_time_step = state.time, state.last_time_step
         if self.contact is not None and state.contact is not None:
             self.contact.load(state.contact)
 

@@ -205,7 +205,7 @@ MUTATIONS = (
         "a motion that raises leaves the first half of its step",
         "yasps/stepping/rescue.py",
         "    except BaseException:\n        stepper.load(before)\n        raise\n    finally:",
-        "    except ArithmeticError:\n        stepper.load(before)\n        raise\n    finally:",
+        "    except ValueError:\n        stepper.load(before)\n        raise\n    finally:",
         (f"{BAD_INPUT}::test_a_motion_that_fails_moves_nothing",),
     ),
     Mutation(
@@ -214,6 +214,13 @@ MUTATIONS = (
         "if seconds != self.stepper.time_step:",
         "if False:",
         (f"{SIMULATION}::test_the_time_step_and_gravity_may_change_between_steps",),
+    ),
+    Mutation(
+        "forces are read with the time step of the next step",
+        "yasps/simulation/simulation.py",
+        "        self.time_step.update_value(self.stepper.last_time_step)\n",
+        "",
+        (f"{RESCUE}::test_forces_that_are_read_are_those_of_the_last_part",),
     ),
     Mutation(
         "first guesses fall as at the beginning",
