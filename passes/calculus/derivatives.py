@@ -9,8 +9,10 @@ from xdsl.ir import SSAValue
 
 from yasps.dialects.mat import MatBuilder, MatOp, shape_of
 from yasps.dialects.mat.algebra import NormOp
+from yasps.dialects.mat.spectral import EigenvaluesOp
 from yasps.passes.analysis.dependence import DependenceMap, size_of
 from yasps.passes.analysis.norms import divisors, inverse_for_tangents, smooth_norms
+from yasps.passes.calculus.divided_differences import divided_differences
 from yasps.passes.calculus.scalar_chains import ScalarChains, Slopes
 
 
@@ -32,6 +34,9 @@ def pull_back(
         choice = op.chosen_by(b)
         if isinstance(op, NormOp) and op.result not in divided:
             pulled = [(0, _Part(whole.guard, _gradient_through(b, op, whole.value)))]
+        elif isinstance(op, EigenvaluesOp):
+            differences = divided_differences(b, op.result, whole.value, _derivative_along)
+            pulled = [(0, _Part(whole.guard, b.spectral(op.operands[0], whole.value, differences)))]
         elif choice is not None:
             first, second, condition = choice
             guard_first, guard_second = guards.split(whole.guard, condition)
@@ -54,6 +59,11 @@ def _gradient_through(b: MatBuilder, norm: NormOp, slope: SSAValue) -> SSAValue:
     """
     limit = PushForward(b, {norm.result: b.number(1.0)})[slope]
     return b.scale(b.over_norm(slope, norm.result, limit), norm.operands[0])
+
+
+def _derivative_along(b: MatBuilder, value: SSAValue, of: SSAValue, direction: SSAValue) -> SSAValue | None:
+    """Derivative of a value with respect to another one along a direction of that, all else held."""
+    return PushForward(b, {of: direction})[value]
 
 
 @dataclass(frozen=True)
@@ -154,7 +164,7 @@ class PushForward:
                 stack.pop()
                 continue
             slopes = self._chains.slopes(current) if self._chains is not None else None
-            needed = op.operands if slopes is None else [u for u, _ in slopes]
+            needed = _differentiated(op) if slopes is None else [u for u, _ in slopes]
             missing = [operand for operand in needed if operand not in self._tangents]
             if missing:
                 stack.extend(missing)
@@ -164,7 +174,8 @@ class PushForward:
         return self._tangents[value]
 
     def _by_rule(self, op: MatOp) -> SSAValue | None:
-        tangents = [self._tangents[operand] for operand in op.operands]
+        moved = _differentiated(op)
+        tangents = [self._tangents[operand] if operand in moved else None for operand in op.operands]
         if op.result in self._inverses:
             return tangents[0] and self.b.scale(self._inverses[op.result], self.b.dot(op.operands[0], tangents[0]))
         return op.pushforward(self.b, tangents) if any(tangent is not None for tangent in tangents) else None
@@ -172,6 +183,11 @@ class PushForward:
     def _along(self, slopes: Slopes) -> SSAValue | None:
         parts = [(slope, self._tangents[u]) for u, slope in slopes]
         return self.b.total([slope and tangent and self.b.scale(slope, tangent) for slope, tangent in parts])
+
+
+def _differentiated(op: MatOp) -> list[SSAValue]:
+    """Operands whose tangents the operation's rule asks for."""
+    return [operand for k, operand in enumerate(op.operands) if k not in op.HELD_OPERANDS]
 
 
 def directional(

@@ -135,6 +135,21 @@ def _st_venant(deformation: Batch, mu: Batch, lam: Batch, volume: Batch) -> Batc
     return volume.ravel() * (mu.ravel() / 4 * (squared - 2 * first + 3) + lam.ravel() / 8 * (first - 3) ** 2)
 
 
+def _fixed_corotated(deformation: Batch, mu: Batch, lam: Batch, volume: Batch) -> Batch:
+    """|F - R|^2 = |F|^2 - 2 t + 3 with the trace t of the stretch, the largest root of its quartic equation."""
+    right = _right(deformation)
+    ratio = np.linalg.det(deformation)
+    first, second = _trace(right), np.linalg.det(right) * _trace(np.linalg.inv(right))
+    trace = (
+        np.linalg.svd(deformation.real, compute_uv=False).sum(axis=1)
+        - np.where(ratio.real < 0, 2, 0) * (np.linalg.svd(deformation.real, compute_uv=False)[:, 2])
+    )
+    for _ in range(2):  # (t^2 - tr C)^2 / 4 = II_C + 2 t J, from the real root
+        value = (trace**2 - first) ** 2 / 4 - second - 2 * trace * ratio
+        trace = trace - value / (trace * (trace**2 - first) - 2 * ratio)
+    return volume.ravel() * (mu.ravel() * (first - 2 * trace + 3) + 0.5 * lam.ravel() * (ratio - 1) ** 2)
+
+
 def _neo_hookean(deformation: Batch, mu: Batch, lam: Batch, volume: Batch) -> Batch:
     log = 0.5 * np.log(np.linalg.det(_right(deformation)))
     first = np.sum(deformation**2, axis=(1, 2))
@@ -181,6 +196,16 @@ def _neo_hookean_membrane(deformation: Batch, mu: Batch, area: Batch, thickness:
     thinner = 1 / _length(normal)
     first = np.sum(deformation**2, axis=(1, 2)) + thinner**2
     return area.ravel() * thickness * mu.ravel() / 2 * (first - 3)
+
+
+def _strain_limiting(deformation: Batch, limit: Batch, stiffness: Batch, area: Batch, thickness: float) -> Batch:
+    """By the roots of the characteristic polynomial."""
+    strain = 0.5 * (_right(deformation) - np.eye(2))
+    mean = 0.5 * _trace(strain)
+    apart = np.sqrt(mean**2 - np.linalg.det(strain))
+    over = np.stack([mean + apart, mean - apart]) - limit.ravel()
+    cubes = np.where(over.real > 0, over**3, 0).sum(axis=0)
+    return area.ravel() * thickness * stiffness.ravel() / 3 * cubes
 
 
 # -- points ----------------------------------------------------------------------------------------------------
@@ -321,6 +346,7 @@ REFERENCE_TWIST = {
 PARTS = (
     Part("linear_elasticity", SOLID, {**LAME, **VOLUME}, materials.linear_elasticity, _linear, moduli=_lame),
     Part("st_venant_kirchhoff", SOLID, {**LAME, **VOLUME}, materials.st_venant_kirchhoff, _st_venant, moduli=_lame),
+    Part("fixed_corotated", SOLID, {**LAME, **VOLUME}, materials.fixed_corotated, _fixed_corotated, moduli=_lame),
     Part("neo_hookean", SOLID, {**LAME, **VOLUME}, materials.neo_hookean, _neo_hookean, moduli=_lame),
     Part(
         "mooney_rivlin",
@@ -367,6 +393,14 @@ PARTS = (
         _neo_hookean_membrane,
         {"thickness": 0.3},
         moduli=lambda mu, area, thickness: (mu, 2 * mu, area * thickness),  # lambda infinite
+    ),
+    Part(
+        "strain_limiting",
+        {"deformation": turned(near(1.1 * np.eye(3, 2), 0.2, 30))},
+        {"limit": number(0.05, 0.15, 31), "stiffness": number(1, 2, 32), **SHEET},
+        materials.strain_limiting,
+        _strain_limiting,
+        {"thickness": 0.3},
     ),
     Part("spring", ENDS, {"stiffness": number(1, 2, 19), **LENGTH}, materials.spring, _spring),
     Part("rod_stretching", ENDS, {"stiffness": number(1, 2, 19), **LENGTH}, materials.rod_stretching, _rod_stretching),

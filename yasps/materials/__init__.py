@@ -18,6 +18,7 @@ from yasps.materials.cloth import baraff_witkin, rest_triangles, triangle_deform
 from yasps.materials.damping import strain_rate_damping
 from yasps.materials.elasticity import (
     deformation_gradient,
+    fixed_corotated,
     green_strain,
     holzapfel_fibres,
     lame_parameters,
@@ -30,7 +31,7 @@ from yasps.materials.elasticity import (
     stable_neo_hookean_parameters,
 )
 from yasps.materials.forces import anchor, dead_load, gravity, inertia
-from yasps.materials.membranes import neo_hookean_membrane, st_venant_membrane
+from yasps.materials.membranes import neo_hookean_membrane, st_venant_membrane, strain_limiting
 from yasps.materials.pressure import enclosed_volume, inner_pressure
 from yasps.materials.rods import (
     curvature_binormal,
@@ -58,6 +59,7 @@ __all__ = [
     "deformation_gradient",
     "discrete_shell_bending",
     "enclosed_volume",
+    "fixed_corotated",
     "gravity",
     "green_strain",
     "hinge_angle",
@@ -89,6 +91,7 @@ __all__ = [
     "st_venant_membrane",
     "stable_neo_hookean",
     "stable_neo_hookean_parameters",
+    "strain_limiting",
     "strain_rate_damping",
     "transported_directors",
     "triangle_deformation",

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from yasps import Attribute, SceneError, ShapeMismatchError, as_attribute, concat_rows, identity, select
+from yasps import Attribute, SceneError, ShapeMismatchError, as_attribute, concat_rows, identity, polar, select
 from yasps.frontend.language.arrays import vertices_and_elements
 from yasps.materials.scalar import Scalar
 
@@ -98,6 +98,19 @@ def st_venant_kirchhoff(deformation: Attribute, mu: Scalar, lam: Scalar, volume:
     Analysis", chapter 6.
     """
     return as_attribute(volume) * _quadratic(green_strain(_solid(deformation)), mu, lam)
+
+
+def fixed_corotated(deformation: Attribute, mu: Scalar, lam: Scalar, volume: Scalar) -> Attribute:
+    """Fixed corotated energy [J] of an element of rest volume [m^3] with 3x3 deformation gradient F.
+
+    V (mu |F - R|^2 + lambda/2 (J - 1)^2) with the rotation R nearest to F, J = det F. Finite for flat and inverted
+    elements too; without derivatives where the two smallest singular values are opposite (see `polar`). mu, lam [Pa]:
+    see `lame_parameters`. Stomakhin et al. 2012, "Energetically consistent invertible elasticity".
+    """
+    f = _solid(deformation)
+    stretch, dilation = f - polar(f), f.det() - 1
+    density = as_attribute(mu) * stretch.dot(stretch) + 0.5 * as_attribute(lam) * dilation * dilation
+    return as_attribute(volume) * density
 
 
 def neo_hookean(deformation: Attribute, mu: Scalar, lam: Scalar, volume: Scalar) -> Attribute:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from yasps import Attribute, ShapeMismatchError, as_attribute
+from yasps import Attribute, ShapeMismatchError, as_attribute, eigenvalues, select
 from yasps.materials.elasticity import green_strain
 from yasps.materials.scalar import Scalar
 
@@ -32,6 +32,22 @@ def neo_hookean_membrane(deformation: Attribute, mu: Scalar, area: Scalar, thick
     right = f.T * f
     density = 0.5 * as_attribute(mu) * (right.trace() + right.det() ** -1 - 3)
     return as_attribute(area) * as_attribute(thickness) * density
+
+
+def strain_limiting(
+    deformation: Attribute, limit: Scalar, stiffness: Scalar, area: Scalar, thickness: Scalar
+) -> Attribute:
+    """Penalty [J] on the stretching of a triangle of rest area [m^2] with 3x2 deformation gradient F beyond a limit.
+
+    A h k/3 (sum over e of max(0, e - limit)^3), e being the eigenvalues of Green's strain (F^T F - I)/2: add it to the
+    energy of a sheet that is soft below the limit. It has two continuous derivatives, and does not keep strains below
+    the limit but draws them there; limit: a strain, without a unit (a fibre 1 % longer has 0.01005); stiffness k [Pa]:
+    how much the sheet stiffens for each unit of strain beyond; thickness h [m]. Li et al. 2024 (STARK).
+    """
+    strains = eigenvalues(green_strain(_sheet(deformation)))
+    excess = [strains[k] - as_attribute(limit) for k in range(2)]
+    cubes = [select(over > 0, over**3, 0) for over in excess]
+    return as_attribute(stiffness) / 3 * as_attribute(area) * as_attribute(thickness) * (cubes[0] + cubes[1])
 
 
 def _sheet(deformation: Attribute) -> Attribute:
