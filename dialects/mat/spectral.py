@@ -7,7 +7,7 @@ rounding. There is no loop to leave early, and lanes of a pack have nothing to w
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, ClassVar
+from typing import TYPE_CHECKING, ClassVar, cast
 
 import numpy as np
 from xdsl.ir import Attribute, SSAValue
@@ -124,7 +124,7 @@ class SpectralOp(MatOp):
         middle = np.eye(a.shape[1]) * (slopes + infinite).swapaxes(1, 2)
         if np.iscomplexobj(a):
             middle = middle + 1j * off_diagonal(differences) * _in_basis(vectors, a.imag)
-        return vectors @ middle @ vectors.swapaxes(1, 2)
+        return cast(Batch, vectors @ middle @ vectors.swapaxes(1, 2))
 
     def pushforward(self, b: MatBuilder, tangents: Sequence[SSAValue | None]) -> SSAValue | None:
         a, _, differences = self.operands
@@ -172,7 +172,7 @@ class SpectralTangentOp(MatOp):
         a, differences, da = inputs
         _, vectors = decomposition(a)
         turned = _in_basis(vectors, da)
-        return vectors @ (off_diagonal(differences) * turned) @ vectors.swapaxes(1, 2)
+        return cast(Batch, vectors @ (off_diagonal(differences) * turned) @ vectors.swapaxes(1, 2))
 
     def lower(self, s: ScalarGraph, *inputs: Sequence[Node]) -> list[Node]:
         _, vectors = eigensystem(s, inputs[0])
@@ -234,11 +234,11 @@ class PolarOp(MatOp):
         rotation = left @ right
         rotation[sizes[:, 1] == 0] = np.nan
         if not np.iscomplexobj(f):
-            return rotation
+            return cast(Batch, rotation)
         tilt = left.swapaxes(1, 2) @ f.imag @ right.swapaxes(1, 2)
         sums = sizes[:, :, None] + sizes[:, None, :]
         skew = (tilt - tilt.swapaxes(1, 2)) / np.where(np.eye(3, dtype=bool), 1.0, sums)
-        return rotation + 1j * left @ skew @ right
+        return cast(Batch, rotation + 1j * left @ skew @ right)
 
     def pushforward(self, b: MatBuilder, tangents: Sequence[SSAValue | None]) -> SSAValue | None:
         (df,) = tangents
