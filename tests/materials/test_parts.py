@@ -7,6 +7,8 @@ from functools import cache
 
 import numpy as np
 import pytest
+from cuda_on_host import HostDevice
+from device_checks import on_device
 from parts import INSTANCES, PARTS, Batch, Part
 from small_scenes import STEP, Emitted, dense_assembly, emit
 
@@ -107,6 +109,18 @@ def test_machine_code_and_projection(part: Part) -> None:
         np.testing.assert_allclose(projected, clamped, atol=1e-12 * size)
     assert np.linalg.eigvalsh(projected).min() > -1e-12 * size
     assert np.linalg.eigvalsh(projected - exact).min() > -1e-12 * size
+
+
+@pytest.mark.parametrize(
+    "name",
+    ["strain_limiting", *(pytest.param(n, marks=pytest.mark.nightly) for n in ("fixed_corotated", "rod_twisting"))],
+)
+def test_device_code_has_the_same_results(name: str) -> None:
+    """The CUDA text, built for the host: of what has the most of it, Jacobi's method written out and the longest rod."""
+    part = next(part for part in PARTS if part.name == name)
+    found, wanted = on_device(part.scene(), HostDevice()), part.scene()
+    close(np.concatenate(found.gradient())[None], np.concatenate(wanted.gradient())[None], 1e-12)
+    close(found.hessian().to_scipy().toarray()[None], wanted.hessian().to_scipy().toarray()[None], 1e-12)
 
 
 @named([part for part in PARTS if part.moduli is not None])
