@@ -12,6 +12,9 @@ with m = (l_i + l_j) / 2, r = (l_j - l_i) / 2. The integrand is even in t, so tw
 mean is taken where it explains c_j - c_i to rounding, and the quotient where it does not: eigenvalues are far apart, f
 has a kink between them, or it is not symmetric. In the last case there is no limit, the quotient is infinite where they
 are equal, and that is reported.
+
+The curvature of an attribute h (`rel.curvature`) takes the slopes of what is behind a JOIN as an argument. How these
+depend on the eigenvalues is not known there, and the quotient is all there is: 0 / 0 where eigenvalues are equal.
 """
 
 from __future__ import annotations
@@ -19,7 +22,7 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
-from xdsl.ir import SSAValue
+from xdsl.ir import Operation, SSAValue
 
 from yasps.dialects.mat import MatBuilder, MatOp, shape_of
 from yasps.dialects.mat.spectral import pairs
@@ -28,6 +31,9 @@ POINTS, WEIGHTS = (array[2:] for array in np.polynomial.legendre.leggauss(4))
 """Of Gauss' rule on (-1, 1), the positive half: the weights' sum is 1."""
 ROUNDING = 64 * float(np.finfo(np.float64).eps)
 """By how much c_j - c_i may differ from what the mean says, beside what c and its derivatives are made of."""
+
+ALIKE = 1e-6
+"""By which share second derivatives may differ and still be equal. Loose: those of chance differ by much more."""
 
 DerivativeAlong = Callable[[MatBuilder, SSAValue, SSAValue, SSAValue], SSAValue | None]
 """(builder, value, of, direction) -> derivative of the value along a direction of `of`, all else held; None for 0."""
@@ -41,6 +47,7 @@ def divided_differences(
     values: the eigenvalues l, one column; slopes: c, computed from them and perhaps from others, which are held.
     """
     between = _computed_from(b, values, slopes)
+    is_known = not _has_argument(slopes)
 
     def slope_along(nearer: SSAValue, direction: SSAValue) -> SSAValue | None:
         moved = {values: nearer}
@@ -48,7 +55,8 @@ def divided_differences(
             moved[op.result] = b.copy(op, [moved.get(operand, operand) for operand in op.operands])
         return derivative_along(b, moved.get(slopes, slopes), nearer, direction)
 
-    return b.concat_rows([_of_pair(b, values, slopes, pair, slope_along) for pair in pairs(shape_of(values)[0])])
+    along = slope_along if is_known else None
+    return b.concat_rows([_of_pair(b, values, slopes, pair, along) for pair in pairs(shape_of(values)[0])])
 
 
 def _of_pair(
@@ -56,13 +64,16 @@ def _of_pair(
     values: SSAValue,
     slopes: SSAValue,
     pair: tuple[int, int],
-    slope_along: Callable[[SSAValue, SSAValue], SSAValue | None],
+    slope_along: Callable[[SSAValue, SSAValue], SSAValue | None] | None,
 ) -> SSAValue:
     i, j = pair
     apart = np.zeros(shape_of(values))
     apart[i], apart[j] = -1.0, 1.0
     direction = b.constant(apart)
     distance, rise = b.dot(direction, values), b.dot(direction, slopes)
+    quotient = b.divide(rise, distance)
+    if slope_along is None:
+        return quotient
     mean = b.number(0.0)
     for point, weight in zip(POINTS, WEIGHTS, strict=True):
         nearer = b.sub(values, b.scale(b.scale(b.number(float(0.5 * (1 - point))), distance), direction))
@@ -72,7 +83,26 @@ def _of_pair(
     sizes = b.add(_size(b, slopes, pair), b.scale(b.abs(mean), _size(b, values, pair)))
     unexplained = b.abs(b.sub(rise, b.scale(mean, distance)))
     is_explained = b.less_equal(unexplained, b.scale(b.number(ROUNDING), sizes))
-    return b.select(is_explained, mean, b.divide(rise, distance))
+    # Where they are equal c_i and c_j may be so by chance; of a symmetric function c_ii and c_jj are equal there, too.
+    zeros = b.zeros(shape_of(values))
+    by_i, by_j = (slope_along(values, b.unit(shape_of(values), k)) or zeros for k in pair)
+    differ = b.abs(b.sub(b.row(by_i, i), b.row(by_j, j)))
+    is_even = b.less_equal(differ, b.scale(b.number(ALIKE), b.add(_size(b, by_i, pair), _size(b, by_j, pair))))
+    is_apart = b.less(b.number(0.0), b.abs(distance))
+    return b.select(is_explained, b.select(is_apart, mean, b.select(is_even, mean, quotient)), quotient)
+
+
+def _has_argument(value: SSAValue) -> bool:
+    """Is the value computed from an argument of its block?"""
+    seen, stack = {value}, [value]
+    while stack:
+        op = stack.pop().owner
+        if not isinstance(op, Operation):
+            return True
+        new = [operand for operand in op.operands if operand not in seen]
+        seen.update(new)
+        stack += new
+    return False
 
 
 def _size(b: MatBuilder, column: SSAValue, pair: tuple[int, int]) -> SSAValue:

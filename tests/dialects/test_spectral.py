@@ -220,6 +220,43 @@ def test_single_eigenvalues() -> None:
         assert np.isfinite(hessian).all() == smooth
 
 
+def test_equal_slopes_by_chance_are_no_symmetry() -> None:
+    """(l_0 - 1)^2 + 2 (l_1 - 1)^2 + ... has the gradient 0 at the identity, and curvature that no matrix can say."""
+
+    def weighted(a: Attribute) -> Attribute:
+        over = eigenvalues(a) - 1
+        return over.hadamard(over).dot(np.array([[1.0], [2.0], [3.0]]))
+
+    _, hessian = derivatives(weighted, np.array([np.eye(3), np.diag([0.5, 1.0, 2.0])]))
+    assert not np.isfinite(hessian[0]).any()
+    assert np.isfinite(hessian[1]).all()
+
+
+def behind_a_join(at: Array) -> tuple[Array, Array]:
+    """Gradient and Hessian of a Hencky energy whose eigenvalues are an attribute of another primitive."""
+    scene = Scene("s")
+    mesh = scene.add_mesh("m")
+    cells, sums = mesh.add_primitive("c", 1), mesh.add_primitive("s", 1)
+    a = cells.add_attribute("a", 3, 3, value=at)
+    values = cells.add_attribute("values", computed_attribute=eigenvalues(a))
+    joined = sums.add_attribute("values", through=sums.add_connectivity("of", cells, [0], 1), source=values)
+    scene.add_energy(sums.add_attribute("e", computed_attribute=_hencky(joined)), projection="none")
+    scene.add_minimize_target(a)
+    emitted = emit(scene)
+    return dense_assembly(run_pipeline(emitted.module), emitted.data)
+
+
+def test_eigenvalues_behind_a_join() -> None:
+    """Right while they are apart; where two are equal nobody knows that the energy is symmetric, and it is reported."""
+    at = np.array([[2.0, 0.3, 0.1], [0.3, 1.0, -0.2], [0.1, -0.2, 0.5]])
+    gradients, hessians = derivatives(lambda a: _hencky(eigenvalues(a)), at[None])
+    gradient, hessian = behind_a_join(at)
+    np.testing.assert_allclose(gradient, gradients[0], rtol=1e-12, atol=1e-13)
+    np.testing.assert_allclose(hessian, hessians[0], rtol=1e-11, atol=1e-12)
+    _, hessian = behind_a_join(np.diag([1.0, 2.0, 1.0]))
+    assert not np.isfinite(hessian).all()
+
+
 @pytest.mark.slow
 def test_a_scene_names_the_instance_without_a_derivative() -> None:
     scene = Scene("s")

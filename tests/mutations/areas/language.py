@@ -150,15 +150,15 @@ MUTATIONS = (
     Mutation(
         "divided differences: no quotient",
         "passes/calculus/divided_differences.py",
-        "return b.select(is_explained, mean, b.divide(rise, distance))",
+        "return b.select(is_explained, b.select(is_apart, mean, b.select(is_even, mean, quotient)), quotient)",
         "return mean",
         SPECTRAL,
     ),
     Mutation(
         "divided differences: no mean",
         "passes/calculus/divided_differences.py",
-        "return b.select(is_explained, mean, b.divide(rise, distance))",
-        "return b.divide(rise, distance)",
+        "return b.select(is_explained, b.select(is_apart, mean, b.select(is_even, mean, quotient)), quotient)",
+        "return quotient",
         SPECTRAL,
     ),
     Mutation(
