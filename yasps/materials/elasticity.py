@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import overload
+
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
@@ -10,25 +12,35 @@ from yasps.frontend.language.arrays import positive_number, real_numbers, vertic
 from yasps.materials.scalar import Scalar
 
 
-def lame_parameters(youngs_modulus: float, poisson_ratio: float) -> tuple[float, float]:
-    """Lame's mu and lambda [Pa] of a linear elastic material.
+@overload
+def lame_parameters(youngs_modulus: float, poisson_ratio: float) -> tuple[float, float]: ...
+@overload
+def lame_parameters(youngs_modulus: Scalar, poisson_ratio: Scalar) -> tuple[Scalar, Scalar]: ...
+def lame_parameters(youngs_modulus: Scalar, poisson_ratio: Scalar) -> tuple[Scalar, Scalar]:
+    """Lame's mu and lambda [Pa] of a linear elastic material; attributes of attributes, for each element its own.
 
-    Raises SceneError unless youngs_modulus > 0 and -1 < poisson_ratio < 0.5.
+    Raises SceneError for numbers unless youngs_modulus > 0 and -1 < poisson_ratio < 0.5.
     """
-    youngs_modulus = positive_number(youngs_modulus, "Young's modulus", "Pa", SceneError)
-    ratio = real_numbers(poisson_ratio, "Poisson's ratio", SceneError)
-    if ratio.shape != () or not -1 < ratio < 0.5:
-        raise SceneError(f"Poisson's ratio must lie between -1 and 0.5, got {poisson_ratio}")
+    if not isinstance(youngs_modulus, Attribute):
+        youngs_modulus = positive_number(youngs_modulus, "Young's modulus", "Pa", SceneError)
+    if not isinstance(poisson_ratio, Attribute):
+        ratio = real_numbers(poisson_ratio, "Poisson's ratio", SceneError)
+        if ratio.shape != () or not -1 < ratio < 0.5:
+            raise SceneError(f"Poisson's ratio must lie between -1 and 0.5, got {poisson_ratio}")
     mu = youngs_modulus / (2 * (1 + poisson_ratio))
     lam = youngs_modulus * poisson_ratio / ((1 + poisson_ratio) * (1 - 2 * poisson_ratio))
     return mu, lam
 
 
-def stable_neo_hookean_parameters(youngs_modulus: float, poisson_ratio: float) -> tuple[float, float]:
+@overload
+def stable_neo_hookean_parameters(youngs_modulus: float, poisson_ratio: float) -> tuple[float, float]: ...
+@overload
+def stable_neo_hookean_parameters(youngs_modulus: Scalar, poisson_ratio: Scalar) -> tuple[Scalar, Scalar]: ...
+def stable_neo_hookean_parameters(youngs_modulus: Scalar, poisson_ratio: Scalar) -> tuple[Scalar, Scalar]:
     """mu = 4/3 mu_Lame and lambda = lambda_Lame + 5/6 mu_Lame [Pa], for which `stable_neo_hookean` has these moduli at
     rest.
 
-    Smith, de Goes and Kim 2018, section 3.4.
+    Numbers or attributes, as `lame_parameters`. Smith, de Goes and Kim 2018, section 3.4.
     """
     mu, lam = lame_parameters(youngs_modulus, poisson_ratio)
     return 4 / 3 * mu, lam + 5 / 6 * mu
