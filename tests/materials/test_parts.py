@@ -116,7 +116,7 @@ def test_machine_code_and_projection(part: Part) -> None:
     ["strain_limiting", *(pytest.param(n, marks=pytest.mark.nightly) for n in ("fixed_corotated", "rod_twisting"))],
 )
 def test_device_code_has_the_same_results(name: str) -> None:
-    """The CUDA text, built for the host: of what has the most of it, Jacobi's method written out and the longest rod."""
+    """The CUDA text, built for the host: of what has most of it, Jacobi's method written out and the longest rod."""
     part = next(part for part in PARTS if part.name == name)
     found, wanted = on_device(part.scene(), HostDevice()), part.scene()
     close(np.concatenate(found.gradient())[None], np.concatenate(wanted.gradient())[None], 1e-12)
