@@ -303,6 +303,15 @@ def test_derivatives_of_the_rotation(name: str) -> None:
     agree(lambda f: polar(f).dot(WEIGHTS), function, at, 1e-12)
 
 
+def test_opposite_singular_values_leave_no_derivative() -> None:
+    """Two rotations are equally near, turned half a turn about the first axis; of rank one there are many more."""
+    at = np.array([np.diag([2.0, 0.5, -0.5]), np.diag([2.0, 0.0, 0.0]), np.diag([2.0, 0.5, -0.4])])
+    gradient, hessian = derivatives(lambda f: polar(f).dot(WEIGHTS), at)
+    for k, smooth in enumerate((False, False, True)):
+        assert np.isfinite(gradient[k]).all() == smooth
+        assert np.isfinite(hessian[k]).all() == smooth
+
+
 @pytest.mark.nightly
 @pytest.mark.parametrize("name", ["at rest", "any", "inverted"])
 def test_derivatives_of_symmetric_functions_of_singular_values(name: str) -> None:
