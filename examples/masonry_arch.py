@@ -80,7 +80,9 @@ def masonry_arch(
         activation_distance=DISTANCE,
         contacts=ContactTable(friction=friction),
         eps_v=slip_speed,
-        settings=NewtonSettings(velocity_tolerance=0.1 * slip_speed, solver="direct", max_iterations=500),
+        settings=NewtonSettings(
+            velocity_tolerance=0.1 * slip_speed, relative_force_tolerance=1e-3, solver="direct", max_iterations=500
+        ),
     )
 
 

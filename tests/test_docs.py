@@ -15,7 +15,8 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 from xdsl.parser import Parser
 
-from yasps import Attribute, Scene, concat_cols, concat_rows, identity, stumpff
+from benchmarks import parts
+from yasps import Attribute, Scene, concat_cols, concat_rows, identity, materials, stumpff
 from yasps.dialects.mat import OPERATIONS
 from yasps.examples import two_bunnies
 from yasps.frontend import errors
@@ -28,6 +29,7 @@ ARCHITECTURE = ROOT / "docs" / "architecture.md"
 LANGUAGE = ROOT / "docs" / "language.md"
 GPU = ROOT / "docs" / "gpu.md"
 STEPPING = ROOT / "docs" / "contact-and-stepping.md"
+PARTS = ROOT / "docs" / "parts.md"
 README = ROOT / "README.md"
 DOCUMENTS = [README, *sorted((ROOT / "docs").glob("*.md"))]
 ADVICE = "if that is meant, run `python docs/update_excerpts.py` and look at `git diff`"
@@ -286,10 +288,34 @@ def test_a_hinge_in_numpys_words_is_what_numpy_computes() -> None:
     assert symbolic["energy"].value.item() == pytest.approx(float(numbers["energy"]), rel=1e-14)
 
 
+def test_frames_of_a_rod_are_carried_along() -> None:
+    (code,) = blocks(PARTS, "python")
+    names: dict[str, Any] = {}
+    exec(code, names)
+    along = names["directors"] @ (names["moved"][1:] - names["moved"][:-1]).T
+    np.testing.assert_allclose(np.diag(along), 0.0, atol=1e-15)
+    assert names["twists"].shape == (1,)
+
+
+def test_every_energy_has_its_line() -> None:
+    """In docs/parts.md, with its width and time as `python -m benchmarks parts` prints them."""
+    text = PARTS.read_text(encoding="utf-8")
+    lines = re.findall(r"^\| `(\w+)\(.*\| (\d+) \| (\d+) \|$", text, re.MULTILINE)
+    assert sorted(name for name, _, _ in lines) == sorted(part.name for part in parts.PARTS)
+    assert {name for name in materials.__all__ if not re.search(rf"\b{name}\b", text)} <= {"Scalar"}
+
+
 def test_every_python_block_is_run() -> None:
     """Whoever writes one more writes a test of it."""
     shown = {name.name: len(re.findall(r"```python", name.read_text(encoding="utf-8"))) for name in DOCUMENTS}
-    run = {"README.md": 1, "architecture.md": 1, "contact-and-stepping.md": 4, "gpu.md": 1, "language.md": 6}
+    run = {
+        "README.md": 1,
+        "architecture.md": 1,
+        "contact-and-stepping.md": 4,
+        "gpu.md": 1,
+        "language.md": 6,
+        "parts.md": 1,
+    }
     assert {name: count for name, count in shown.items() if count} == run
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import abc
 from collections.abc import Sequence
+from functools import lru_cache
 from typing import TYPE_CHECKING, Any, ClassVar, Self, cast
 
 import numpy as np
@@ -43,6 +44,7 @@ class NotDifferentiableError(ValueError):
     """An operation that has no derivative rule stands between an energy and its targets."""
 
 
+@lru_cache
 def matrix_type(shape: Shape, element: Float64Type | IntegerType = f64) -> Matrix:
     return TensorType(element, shape)
 
@@ -84,6 +86,8 @@ class MatOp(IRDLOperation, HasFolderInterface, abc.ABC):
     DIFFERENTIABLE: ClassVar[bool] = True
     HELD_CONSTANT: ClassVar[bool] = False
     """Is the result constant for differentiation, whatever the operands? Then the derivative rules give None."""
+    HELD_OPERANDS: ClassVar[tuple[int, ...]] = ()
+    """Operands that only the derivative's limits are made of: their own tangents are never asked for."""
 
     def __init__(
         self,

@@ -47,8 +47,8 @@ def split_at_creases(vertices: Points, triangles: Ids, sharp: float = SHARP) -> 
     first = np.concatenate([start[one], end[one]])
     second = np.concatenate([np.where(same, start[other], end[other]), np.where(same, end[other], start[other])])
     links = coo_array((np.ones(len(first), bool), (first, second)), shape=(len(corners),) * 2)
-    _, part = connected_components(links, directed=False)
-    _, representative, part = np.unique(part, return_index=True, return_inverse=True)
+    _, label = connected_components(links, directed=False)
+    _, representative, part = np.unique(label, return_index=True, return_inverse=True)
     return corners[representative], part.reshape(triangles.shape).astype(np.int64)
 
 
