@@ -14,6 +14,7 @@ DRIVEN = "tests/simulation/test_driven.py"
 RESCUE = "tests/simulation/test_rescue.py"
 BAD_INPUT = "tests/simulation/test_bad_input.py"
 SIMULATION = "tests/simulation/test_simulation.py"
+CRUSHED = ("tests/stepping/test_crushed_pairs.py::test_crushed_pairs_are_opened",)
 CODE = "yasps/stepping/newton.py"
 MOTION = "yasps/stepping/motion.py"
 EULER = "yasps/stepping/backward_euler.py"
@@ -277,5 +278,19 @@ MUTATIONS = (
         "            gradient[fixed] = 0.0\n",
         "",
         FIXED,
+    ),
+    Mutation(
+        "crushed pairs are left to Newton's method",
+        CODE,
+        "opened = None if crushed is None else self.open(solution, crushed, here)",
+        "opened = None",
+        CRUSHED,
+    ),
+    Mutation(
+        "the first step that opens crushed pairs is the last",
+        CODE,
+        "            longest *= 2\n",
+        "            break\n",
+        CRUSHED,
     ),
 )
