@@ -117,7 +117,7 @@ def as_python(code: str) -> str | None:
 
 def script(codes: list[str]) -> str:
     """A user's script with these pieces, each in a function of its own, in order from line 1 of the result's end."""
-    known = {*re.findall(r"\w+", PREAMBLE), *yasps.__all__, *dir(builtins), *dir(materials)}
+    known = {*re.findall(r"\w+", PREAMBLE), *yasps.__all__, *dir(builtins), *materials.__all__}
     names = {node.id for code in codes for node in ast.walk(ast.parse(code)) if isinstance(node, ast.Name)}
     declared = [f"{name}: {kind}" for name, kind in STANDS_FOR.items()]
     declared += [f"{name}: Any" for name in sorted(names - known - set(STANDS_FOR))]

@@ -52,6 +52,21 @@ def test_forces_balance_in_every_step() -> None:
     assert max(simulation.step().relative_residual_force for _ in range(22)) <= 1e-3
 
 
+def test_the_potential_of_friction_is_no_energy_of_the_motion() -> None:
+    """What friction takes is gone: with its potential, which grows with the slip, the energy would be higher."""
+    simulation, cube = sliding_cube()
+    before = simulation.energy()
+    for _ in range(4):
+        simulation.step()
+        assert simulation.energy() < before
+        before = simulation.energy()
+    energies = simulation.report().energies
+    assert energies["friction"] > 0.02  # some of mu m g v dt: normal forces are just beginning
+    assert before == pytest.approx(sum(energies.values()) - energies["friction"], rel=1e-14)
+    speed = simulation.velocity_of(cube)[:, 0].mean()
+    assert energies["kinetic"] == pytest.approx(0.5 * cube.mass.value.sum() * speed**2, rel=1e-3)
+
+
 def test_friction_that_does_not_settle_is_said(
     monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:
