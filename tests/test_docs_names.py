@@ -31,7 +31,7 @@ from yasps.contact import CollisionGeometry
 from yasps.frontend.execution.compiled_scene import CompiledScene
 from yasps.contact import BarrierContact
 from yasps.materials import *
-from yasps.stepping import BackwardEuler, MovingPart, NewtonReport, NewtonSettings, minimize
+from yasps.stepping import TimeStepper, MovingPart, NewtonReport, NewtonSettings, minimize
 from yasps.passes.pipeline import run_pipeline
 from yasps.runtime.solvers.pcg import SolveReport
 from yasps.simulation import Simulation
@@ -54,7 +54,7 @@ STANDS_FOR = {
     "compiled_scene": "CompiledScene",
     "contact": "BarrierContact",
     "geometry": "CollisionGeometry",
-    "stepper": "BackwardEuler",
+    "stepper": "TimeStepper",
     "simulation": "Simulation",
     "pins": "DrivenVertices",
     "module": "Any",

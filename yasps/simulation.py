@@ -35,7 +35,6 @@ from yasps.meshes.tetrahedral_mesh import Float64Array
 from yasps.output import FrameProgress, TimeTable
 from yasps.stepping import (
     Anchors,
-    BackwardEuler,
     Driven,
     DrivenSurface,
     DrivenVertices,
@@ -45,6 +44,7 @@ from yasps.stepping import (
     Pins,
     Prescribed,
     StepReport,
+    TimeStepper,
     step_or_halves,
     step_report,
 )
@@ -86,7 +86,7 @@ class Simulation:
     "paper" 10 N over the cubed activation distance [J/m^4]. velocities: body -> velocity at the start [m/s], one or one
     for each vertex. settings: of Newton's method; by default the tolerance is a tenth of the activation distance a
     step, at most 2e-3 m/s, with friction at most a tenth of eps_v. eps_v: speed below which things with friction stick
-    [m/s]. lagging: see `BackwardEuler`. rescue: how often a time step that fails is cut in two, see `step`.
+    [m/s]. lagging: see `TimeStepper`. rescue: how often a time step that fails is cut in two, see `step`.
 
     `gravity` is a constant of the scene that can be changed between steps; `before_step` and `after_step` are lists of
     functions that are called with the simulation.
@@ -267,7 +267,7 @@ class Simulation:
                     options.eps_v,
                 )
         now = self.time
-        self.stepper = BackwardEuler(
+        self.stepper = TimeStepper(
             self.scene,
             [MovingPart(body.position, self._predicted[body], body.mass) for body in self.moving],
             time_step,

@@ -48,7 +48,7 @@ def test_a_cube_slides_to_rest(lagging: str) -> None:
 def test_friction_that_does_not_settle_is_said(
     monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:
-    monkeypatch.setattr("yasps.stepping.backward_euler.LAGGING_PASSES", 1)
+    monkeypatch.setattr("yasps.stepping.time_stepper.LAGGING_PASSES", 1)
     simulation, _ = sliding_cube(lagging="converged", settings=NewtonSettings(velocity_tolerance=1e-9))
     with caplog.at_level(logging.WARNING, "yasps"):
         report = simulation.step()

@@ -202,7 +202,7 @@ class BarrierContact(InScene):
         takes normal forces of friction from the present positions. Slips count from the positions accepted before, so
         obstacles that were moved by hand drag what lies on them.
 
-        `BackwardEuler.step` does so. Raises IntersectionError.
+        `TimeStepper.step` does so. Raises IntersectionError.
         """
         before = self._accepted
         self.check_way()
@@ -241,7 +241,7 @@ class BarrierContact(InScene):
         """Looks for collisions on the straight way from the positions last accepted to these, by default the present
         ones, and accepts these.
 
-        `minimize` and `BackwardEuler.step` do so before anything else. Raises IntersectionError that names the vertices
+        `minimize` and `TimeStepper.step` do so before anything else. Raises IntersectionError that names the vertices
         where surfaces meet on the way or nearly do (see `CollisionGeometry.check_way`); nothing is accepted then.
         """
         where = self.positions() if positions is None else positions

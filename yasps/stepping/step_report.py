@@ -8,8 +8,8 @@ import numpy as np
 
 from yasps import FloatArray, Scene
 from yasps.contact import ContactForces
-from yasps.stepping.backward_euler import BackwardEuler
 from yasps.stepping.settings import NewtonReport
+from yasps.stepping.time_stepper import TimeStepper
 
 ELASTIC = ("elastic", "membrane", "bending", "orthogonality")
 """Names of the energies that bodies of `yasps.bodies` have of their material."""
@@ -90,7 +90,7 @@ class StepReport:
 
 def step_report(
     scene: Scene,
-    stepper: BackwardEuler,
+    stepper: TimeStepper,
     *,
     frame: int,
     newton: NewtonReport | None,

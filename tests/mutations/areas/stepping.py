@@ -14,7 +14,7 @@ DRIVEN = "tests/simulation/test_driven.py"
 RESCUE = "tests/simulation/test_rescue.py"
 CODE = "yasps/stepping/newton.py"
 MOTION = "yasps/stepping/motion.py"
-EULER = "yasps/stepping/backward_euler.py"
+EULER = "yasps/stepping/time_stepper.py"
 
 MUTATIONS = (
     Mutation(

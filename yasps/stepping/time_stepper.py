@@ -42,7 +42,7 @@ class MovingPart:
 
 @dataclass(frozen=True)
 class StepperState:
-    """What a step of `BackwardEuler` changes: values of targets, velocities of parts and targets, what driven
+    """What a step of `TimeStepper` changes: values of targets, velocities of parts and targets, what driven
     vertices say of themselves, what contact remembers, and the time."""
 
     targets: list[FloatArray]
@@ -59,7 +59,7 @@ def _of_one_instance(acceleration: ArrayLike, target: Attribute) -> FloatArray:
     return in_instances(real_numbers(acceleration, what), 1, target.shape, what).reshape(-1)
 
 
-class BackwardEuler(InScene):
+class TimeStepper(InScene):
     """Steps a scene through time; the scene's energies must include `materials.inertia` of every part.
 
     accelerations: target -> uniform acceleration [m/s^2] of that target in free flight (gravity for positions and
