@@ -31,7 +31,7 @@ from yasps.contact import CollisionGeometry
 from yasps.frontend.execution.compiled_scene import CompiledScene
 from yasps.contact import BarrierContact
 from yasps.materials import *
-from yasps.stepping import TimeStepper, MovingPart, NewtonReport, NewtonSettings, minimize
+from yasps.stepping import BACKWARD_EULER, TimeStepper, LoadStep, MovingPart, NewtonReport, NewtonSettings, minimize, quasi_static
 from yasps.passes.pipeline import run_pipeline
 from yasps.runtime.solvers.pcg import SolveReport
 from yasps.simulation import Simulation
@@ -56,6 +56,8 @@ STANDS_FOR = {
     "geometry": "CollisionGeometry",
     "stepper": "TimeStepper",
     "simulation": "Simulation",
+    "set_load": "Any",
+    "share": "Any",
     "pins": "DrivenVertices",
     "module": "Any",
     "data": "Any",

@@ -34,10 +34,12 @@ from yasps.frontend.language.arrays import checked_count, positive_number, real_
 from yasps.meshes.tetrahedral_mesh import Float64Array
 from yasps.output import FrameProgress, TimeTable
 from yasps.stepping import (
+    BACKWARD_EULER,
     Anchors,
     Driven,
     DrivenSurface,
     DrivenVertices,
+    Integrator,
     MovingPart,
     NewtonReport,
     NewtonSettings,
@@ -45,12 +47,15 @@ from yasps.stepping import (
     Prescribed,
     StepReport,
     TimeStepper,
+    checked_integrator,
     step_or_halves,
     step_report,
 )
 
 LOGGER = logging.getLogger("yasps")
 
+PAST = "past/"
+"""How names of what a state has of the step before it begin."""
 PIN_STIFFNESS = 1e3
 """Stiffness of a pin, in masses of its body over the squared time step: a body that hangs on one sinks by
 g dt^2 / 1e3."""
@@ -74,6 +79,7 @@ class _ContactOptions:
     stiffness: float | None
     eps_v: float
     lagging: str
+    integrator: Integrator
 
 
 class Simulation:
@@ -86,9 +92,10 @@ class Simulation:
     "paper" 10 N over the cubed activation distance [J/m^4]. velocities: body -> velocity at the start [m/s], one or one
     for each vertex. settings: of Newton's method; by default the tolerance is a tenth of the activation distance a
     step, at most 2e-3 m/s, with friction at most a tenth of eps_v. eps_v: speed below which things with friction stick
-    [m/s]. lagging: see `TimeStepper`. rescue: how often a time step that fails is cut in two, see `step`.
+    [m/s]. lagging, integrator: see `TimeStepper`. rescue: how often a time step that fails is cut in two, see `step`.
 
-    `gravity` is a constant of the scene that can be changed between steps; `before_step` and `after_step` are lists of
+    `gravity` is a constant of the scene that can be changed between steps; `effective_step` [s] is one that energies of
+    velocities read, for (x - X) / effective_step (see `Integrator`); `before_step` and `after_step` are lists of
     functions that are called with the simulation.
 
     Raises SceneError, IntersectionError if surfaces cross at the start.
@@ -108,6 +115,7 @@ class Simulation:
         contact_stiffness: float | None = None,
         eps_v: float = 1e-3,
         lagging: str = "once",
+        integrator: Integrator = BACKWARD_EULER,
         velocities: Mapping[Body, ArrayLike] | None = None,
         settings: NewtonSettings | None = None,
         rescue: int = 3,
@@ -128,6 +136,7 @@ class Simulation:
             contact_stiffness,
             positive_number(eps_v, "eps_v", "m/s", SceneError),
             lagging,
+            checked_integrator(integrator),
         )
         self._predicted: dict[Body, Attribute] = {}
         self._fields: list[tuple[Body, ForceField, str]] = []
@@ -143,6 +152,7 @@ class Simulation:
         if contact:
             check_start(bodies, self._contact_options.table)
         self.time_step = scene.add_constant("time_step", 1, 1, value=time_step)
+        self.effective_step = scene.add_constant("effective_step", 1, 1, value=time_step)
         self.gravity = scene.add_constant("gravity", 3, 1, value=gravity)
         for body in bodies:
             self._take(body)
@@ -216,7 +226,7 @@ class Simulation:
         vertices = body.vertices
         if "predicted" not in vertices.attributes:
             predicted = vertices.add_constant("predicted", rows=3, cols=1, value=body.positions())
-            inertia = materials.inertia(body.position, predicted, body.mass, self.time_step)
+            inertia = materials.inertia(body.position, predicted, body.mass, self.effective_step)
             vertices.add_attribute("inertia", computed_attribute=inertia)
             weight = materials.gravity(body.position, body.mass, self.gravity)
             vertices.add_attribute("gravity", computed_attribute=weight)
@@ -276,6 +286,8 @@ class Simulation:
             # Newton stops well inside the activation distance, or contact forces would be left half-balanced.
             settings=settings or NewtonSettings(velocity_tolerance=tolerance, max_iterations=500),
             lagging=options.lagging,
+            integrator=options.integrator,
+            effective_step=self.effective_step,
             times=self.times,
             arms={target: arm for body in self.moving for target, arm in body.arms.items()},
         )
@@ -319,7 +331,7 @@ class Simulation:
             fixed=np.repeat([body.is_fixed and body not in self._drives for body in bodies], counts),
             group=np.repeat(groups, counts),
             objects={body.name: len(body.rest) for body in bodies},
-            slip_length=self.time_step * options.eps_v,
+            slip_length=self.effective_step * options.eps_v,
         )
 
     def _number_of(self, body: Body) -> int:
@@ -467,6 +479,7 @@ class Simulation:
         for call in self.before_step:
             call(self)
         before, past = self.state(), None if self.contact is None else self.contact.save()
+        remembered = self.stepper.past
         for body, field, name in self._fields:
             body.vertices[name].update_value(self._forces(body, field, name))
         try:
@@ -475,6 +488,7 @@ class Simulation:
             self._set_state(before)
             if self.contact is not None and past is not None:
                 self.contact.load(past)
+            self.stepper.past = remembered
             file = Path(tempfile.mkdtemp(prefix="yasps-")) / f"{self.scene.name}-step-{self.frame + 1}.npz"
             np.savez(file, allow_pickle=False, **before)
             error.add_note(
@@ -566,15 +580,19 @@ class Simulation:
         numbers |= {f"velocity/{body.name}": self.velocity_of(body) for body in self.moving}
         numbers |= {f"place/{body.name}": body.positions() for body in self._drives}
         numbers |= {f"multiplier/{k}": driven.multiplier.copy() for k, driven in enumerate(self._driven)}
+        if (past := self.stepper.past) is not None:
+            numbers |= {f"{PAST}{name}": value for name, value in past.start_numbers().items()}
         return numbers | {"time": np.array(self.time), "frame": np.array(float(self.frame))}
 
     def restore(self, file: str | Path) -> None:
-        """Sets the state to that of a file that a failed step wrote. Raises SceneError if it is of another scene."""
+        """Sets the state to that of a file that a failed step wrote. A state without the step before it, which BDF2
+        remembers, goes on with a step of backward Euler. Raises SceneError if it is of another scene."""
         with np.load(file, allow_pickle=False) as stored:
             state = {name: np.asarray(stored[name]) for name in stored.files}
-        here = self.state()
-        if {name: value.shape for name, value in here.items()} != {name: value.shape for name, value in state.items()}:
-            differing = sorted(set(here) ^ set(state)) or [n for n in here if here[n].shape != state[n].shape]
+        here = {name: value.shape for name, value in self.state().items() if not name.startswith(PAST)}
+        there = {name: value.shape for name, value in state.items() if not name.startswith(PAST)}
+        if here != there:
+            differing = sorted(set(here) ^ set(there)) or [name for name in here if here[name] != there[name]]
             raise SceneError(f"{file} is the state of another scene: {differing[0]} differs")
         self._set_state(state)
 
@@ -590,3 +608,4 @@ class Simulation:
         self.stepper.time, self.frame = float(state["time"]), int(state["frame"])
         if self.contact is not None:
             self.contact.reset()
+        self.stepper.remember({name.removeprefix(PAST): np.array(x) for name, x in state.items() if PAST in name})

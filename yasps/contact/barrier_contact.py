@@ -197,10 +197,10 @@ class BarrierContact(InScene):
         return self.position.compute().array.reshape(-1, 3)
 
     @one_thread_at_a_time
-    def start_step(self) -> None:
+    def start_step(self) -> FloatArray:
         """Begins a time step: checks the way of what was moved from outside since the last one (see `check_way`), and
         takes normal forces of friction from the present positions. Slips count from the positions accepted before, so
-        obstacles that were moved by hand drag what lies on them.
+        obstacles that were moved by hand drag what lies on them. Returns those, [n, 3].
 
         `TimeStepper.step` does so. Raises IntersectionError.
         """
@@ -209,6 +209,13 @@ class BarrierContact(InScene):
         if self.friction is not None:
             self.friction.start_step(before)
             self.lag()
+        return before
+
+    def count_slips_from(self, positions: FloatArray) -> None:
+        """Other positions of all vertices [n, 3] from which slips count in this step: a formula for velocities (see
+        `Integrator` of `yasps.stepping`) may look farther back."""
+        if self.friction is not None:
+            self.friction.start_step(positions)
 
     @one_thread_at_a_time
     def lag(self) -> None:

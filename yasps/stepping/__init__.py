@@ -2,18 +2,24 @@
 
 from yasps.stepping.anchors import Anchors, Pins
 from yasps.stepping.driven import Driven, DrivenSurface, DrivenVertices, Prescribed
+from yasps.stepping.integrators import BACKWARD_EULER, BDF2, Integrator, checked_integrator
 from yasps.stepping.motion import Motion, positions_of
 from yasps.stepping.newton import minimize
+from yasps.stepping.quasi_static import LoadStep, quasi_static
 from yasps.stepping.rescue import step_or_halves
 from yasps.stepping.settings import NewtonReport, NewtonSettings
 from yasps.stepping.step_report import StepReport, step_report
 from yasps.stepping.time_stepper import MovingPart, TimeStepper
 
 __all__ = [
+    "BACKWARD_EULER",
+    "BDF2",
     "Anchors",
     "Driven",
     "DrivenSurface",
     "DrivenVertices",
+    "Integrator",
+    "LoadStep",
     "Motion",
     "MovingPart",
     "NewtonReport",
@@ -22,8 +28,10 @@ __all__ = [
     "Prescribed",
     "StepReport",
     "TimeStepper",
+    "checked_integrator",
     "minimize",
     "positions_of",
+    "quasi_static",
     "step_or_halves",
     "step_report",
 ]

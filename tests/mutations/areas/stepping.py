@@ -13,6 +13,10 @@ FIXED = ("tests/frontend/execution/test_fixed_unknowns.py::test_the_solution_is_
 DRIVEN = "tests/simulation/test_driven.py"
 RESCUE = "tests/simulation/test_rescue.py"
 CODE = "yasps/stepping/newton.py"
+INTEGRATORS = "yasps/stepping/integrators.py"
+BDF = "tests/stepping/test_integrators.py"
+ORDERS = (f"{BDF}::test_orders",)
+STATIC = "tests/stepping/test_quasi_static.py"
 MOTION = "yasps/stepping/motion.py"
 EULER = "yasps/stepping/time_stepper.py"
 
@@ -76,21 +80,21 @@ MUTATIONS = (
     Mutation(
         "velocities are displacements",
         EULER,
-        "self.velocities[k] = (positions_of([part.position]) - x) / dt",
+        "self.velocities[k] = (positions_of([part.position]) - x) / effective",
         "self.velocities[k] = positions_of([part.position]) - x",
         FALL,
     ),
     Mutation(
         "velocities are those of the first part",
         EULER,
-        "self.velocities[k] = (positions_of([part.position]) - x) / dt",
-        "self.velocities[k] = (positions_of([self.parts[0].position])[: len(x)] - x) / dt",
+        "self.velocities[k] = (positions_of([part.position]) - x) / effective",
+        "self.velocities[k] = (positions_of([self.parts[0].position])[: len(x)] - x) / effective",
         FALL,
     ),
     Mutation(
         "inertia is predicted without velocity",
         EULER,
-        "part.predicted.update_value(x + dt * v)",
+        "part.predicted.update_value(x + effective * v)",
         "part.predicted.update_value(x)",
         FALL,
     ),
@@ -233,5 +237,61 @@ MUTATIONS = (
         "            gradient[fixed] = 0.0\n",
         "",
         FIXED,
+    ),
+    Mutation(
+        "BDF2 weighs the step before as if it were to come",
+        INTEGRATORS,
+        "(4 / 3, -1 / 3), 2 / 3)",
+        "(2 / 3, 1 / 3), 2 / 3)",
+        ORDERS,
+    ),
+    Mutation(
+        "BDF2 takes the whole time step for the effective one",
+        INTEGRATORS,
+        "(4 / 3, -1 / 3), 2 / 3)",
+        "(4 / 3, -1 / 3), 1.0)",
+        ORDERS,
+    ),
+    Mutation(
+        "BDF2 goes on after a change",
+        EULER,
+        " or not here.continues(past.end):",
+        ":",
+        (f"{BDF}::test_the_first_step_and_those_after_a_change_are_of_backward_euler",),
+    ),
+    Mutation(
+        "BDF2 goes on with another time step",
+        EULER,
+        "past is None or past.time_step != dt or",
+        "past is None or",
+        (f"{BDF}::test_a_step_that_failed_leaves_what_bdf2_remembers",),
+    ),
+    Mutation(
+        "a failed step is what BDF2 remembers",
+        EULER,
+        "self.past, self.time = state.past, state.time",
+        "self.time = state.time",
+        (f"{BDF}::test_a_step_that_failed_leaves_what_bdf2_remembers",),
+    ),
+    Mutation(
+        "slips of BDF2 count from the beginning of the step",
+        EULER,
+        "            self.contact.count_slips_from(origin.surface)\n",
+        "            pass\n",
+        ("tests/scenes/test_sliding.py::test_bdf2_slides_by_its_own_recurrence_and_creeps_at_the_same_speed",),
+    ),
+    Mutation(
+        "a load step that failed leaves the load",
+        "yasps/stepping/quasi_static.py",
+        "                set_load(load)\n                motion.write(motion.start)",
+        "                motion.write(motion.start)",
+        (f"{STATIC}::test_a_load_that_nothing_bears_is_named_and_the_last_equilibrium_kept",),
+    ),
+    Mutation(
+        "a load step that failed is not made smaller",
+        "yasps/stepping/quasi_static.py",
+        "step = max(0.5 * step, smallest)",
+        "step = max(0.99 * step, smallest)",
+        (f"{STATIC}::test_a_step_that_is_too_large_is_halved",),
     ),
 )
