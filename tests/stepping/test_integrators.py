@@ -16,7 +16,7 @@ from yasps.bodies import MovingObstacle, SoftBody
 from yasps.contact import ContactTable
 from yasps.meshes import TriangleMesh, box
 from yasps.simulation import Simulation
-from yasps.stepping import BACKWARD_EULER, BDF2, Integrator, MovingPart, NewtonSettings, TimeStepper
+from yasps.stepping import BACKWARD_EULER, BDF2, Integrator, MovingPart, NewtonSettings, TimeStepper, step_or_halves
 
 EXACT = NewtonSettings(velocity_tolerance=1e-9, linear_tolerance=1e-24, solver="direct")
 ROUNDING = NewtonSettings(velocity_tolerance=None, relative_force_tolerance=1e-13, solver="direct")
@@ -224,6 +224,23 @@ def test_a_step_that_failed_leaves_what_bdf2_remembers(monkeypatch: pytest.Monke
     assert kinds == [(0.01, True), (0.005, False), (0.005, True)]
     shortest = 0.01
     assert [(simulation.step(), is_bdf2(simulation))[1] for _ in range(2)] == [False, True]
+
+
+def test_a_second_half_that_fails_takes_back_what_the_first_is_remembered_by(monkeypatch: pytest.MonkeyPatch) -> None:
+    simulation, _ = falling()
+    simulation.run(3)
+    stepper, minimize = simulation.stepper, simulation.stepper.minimize
+    before, start = stepper.past, simulation.time
+
+    def failing(fixed: object = None) -> object:
+        if stepper.time_step == 0.01 or stepper.time > start + 0.004:
+            raise NotConvergedError("late")
+        return minimize(fixed)  # type: ignore[arg-type]
+
+    monkeypatch.setattr(stepper, "minimize", failing)
+    with pytest.raises(NotConvergedError, match="late"):
+        step_or_halves(stepper, simulation._set_time_step, 1)
+    assert stepper.past is before
 
 
 @pytest.mark.nightly

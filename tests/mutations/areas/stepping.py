@@ -271,7 +271,7 @@ MUTATIONS = (
         EULER,
         "self.past, self.time = state.past, state.time",
         "self.time = state.time",
-        (f"{BDF}::test_a_step_that_failed_leaves_what_bdf2_remembers",),
+        (f"{BDF}::test_a_second_half_that_fails_takes_back_what_the_first_is_remembered_by",),
     ),
     Mutation(
         "slips of BDF2 count from the beginning of the step",
