@@ -31,7 +31,8 @@ from yasps.contact import CollisionGeometry
 from yasps.frontend.execution.compiled_scene import CompiledScene
 from yasps.contact import BarrierContact
 from yasps.materials import *
-from yasps.stepping import BACKWARD_EULER, TimeStepper, LoadStep, MovingPart, NewtonReport, NewtonSettings, minimize, quasi_static
+from yasps.stepping import BACKWARD_EULER, LoadStep, MovingPart, NewtonReport, NewtonSettings, TimeStepper, minimize
+from yasps.stepping import quasi_static
 from yasps.passes.pipeline import run_pipeline
 from yasps.runtime.solvers.pcg import SolveReport
 from yasps.simulation import Simulation

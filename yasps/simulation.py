@@ -478,6 +478,8 @@ class Simulation:
         """
         for call in self.before_step:
             call(self)
+        for body in self.bodies:
+            body.start_step()
         before, past = self.state(), None if self.contact is None else self.contact.save()
         remembered = self.stepper.past
         for body, field, name in self._fields:
@@ -577,6 +579,7 @@ class Simulation:
     def state(self) -> dict[str, Float64Array]:
         """All that the next step depends on apart from the scene itself, by name."""
         numbers = {f"target/{target.path}": target.value for target in self.scene.minimize_targets}
+        numbers |= {f"history/{one.path}": one.value for body in self.bodies for one in body.history}
         numbers |= {f"velocity/{body.name}": self.velocity_of(body) for body in self.moving}
         numbers |= {f"place/{body.name}": body.positions() for body in self._drives}
         numbers |= {f"multiplier/{k}": driven.multiplier.copy() for k, driven in enumerate(self._driven)}
@@ -599,6 +602,8 @@ class Simulation:
     def _set_state(self, state: Mapping[str, Float64Array]) -> None:
         for target in self.scene.minimize_targets:
             target.update_value(state[f"target/{target.path}"])
+        for one in (one for body in self.bodies for one in body.history):
+            one.update_value(state[f"history/{one.path}"])
         for number, body in enumerate(self.moving):
             self.stepper.velocities[number] = np.array(state[f"velocity/{body.name}"])
         for body, surface in self._drives.items():

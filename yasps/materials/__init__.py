@@ -10,6 +10,7 @@ from yasps.materials.bending import hinge_bending
 from yasps.materials.cloth import baraff_witkin, rest_triangles, triangle_deformation
 from yasps.materials.elasticity import (
     deformation_gradient,
+    gauss_deformation,
     lame_parameters,
     rest_shape,
     stable_neo_hookean,
@@ -25,6 +26,7 @@ __all__ = [
     "baraff_witkin",
     "dead_load",
     "deformation_gradient",
+    "gauss_deformation",
     "gravity",
     "hinge_bending",
     "inertia",
