@@ -28,6 +28,7 @@ ARCHITECTURE = ROOT / "docs" / "architecture.md"
 LANGUAGE = ROOT / "docs" / "language.md"
 GPU = ROOT / "docs" / "gpu.md"
 STEPPING = ROOT / "docs" / "contact-and-stepping.md"
+PARTS = ROOT / "docs" / "parameterisations.md"
 README = ROOT / "README.md"
 DOCUMENTS = [README, *sorted((ROOT / "docs").glob("*.md"))]
 ADVICE = "if that is meant, run `python docs/update_excerpts.py` and look at `git diff`"
@@ -289,7 +290,7 @@ def test_a_hinge_in_numpys_words_is_what_numpy_computes() -> None:
 def test_every_python_block_is_run() -> None:
     """Whoever writes one more writes a test of it."""
     shown = {name.name: len(re.findall(r"```python", name.read_text(encoding="utf-8"))) for name in DOCUMENTS}
-    run = {"README.md": 1, "architecture.md": 1, "contact-and-stepping.md": 4, "gpu.md": 1, "language.md": 6}
+    run = {"README.md": 1, "architecture.md": 1, "contact-and-stepping.md": 4, "gpu.md": 1, "language.md": 6, "parameterisations.md": 1}
     assert {name: count for name, count in shown.items() if count} == run
 
 
@@ -372,3 +373,15 @@ def test_the_stepper_runs() -> None:
     lowest = names["lowest"]
     assert isinstance(lowest, float)
     assert 0.0 < lowest < 2e-3  # it started 10 mm up; pairs repel below 2 mm
+
+
+# -- parameterisations.md ----------------------------------------------------------------------------------------------
+
+
+@pytest.mark.slow
+def test_the_pendulum_of_the_document_turns(capsys: pytest.CaptureFixture[str]) -> None:
+    (code,) = blocks(PARTS, "python")
+    exec(code, {})
+    angle, gap = (float(word) for word in capsys.readouterr().out.split())
+    assert 0.0 < angle < 0.3
+    assert 0.0 < gap < 1e-5

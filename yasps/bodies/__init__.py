@@ -10,6 +10,7 @@ from yasps.bodies.body import Body
 from yasps.bodies.caged_body import CagedBody
 from yasps.bodies.cloth import Cloth
 from yasps.bodies.element_body import ElementBody
+from yasps.bodies.joints import Hinge, Joint, Joints, Residual
 from yasps.bodies.obstacle import Ground, HalfSpace, MovingObstacle, Obstacle
 from yasps.bodies.rigid_body import RigidBody
 from yasps.bodies.soft_body import SoftBody
@@ -22,8 +23,12 @@ __all__ = [
     "ElementBody",
     "Ground",
     "HalfSpace",
+    "Hinge",
+    "Joint",
+    "Joints",
     "MovingObstacle",
     "Obstacle",
+    "Residual",
     "RigidBody",
     "SoftBody",
 ]

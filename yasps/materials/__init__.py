@@ -17,20 +17,38 @@ from yasps.materials.elasticity import (
     stable_neo_hookean_parameters,
 )
 from yasps.materials.forces import anchor, dead_load, gravity, inertia
+from yasps.materials.joints import (
+    aligned,
+    angle_limits,
+    elastic_link,
+    frame_of,
+    held_together,
+    hinge_angle,
+    motor,
+    on_the_axis,
+)
 from yasps.materials.scalar import Scalar
 
 __all__ = [
     "Scalar",
     "affine_orthogonality",
+    "aligned",
     "anchor",
+    "angle_limits",
     "baraff_witkin",
     "dead_load",
     "deformation_gradient",
+    "elastic_link",
+    "frame_of",
     "gauss_deformation",
     "gravity",
+    "held_together",
+    "hinge_angle",
     "hinge_bending",
     "inertia",
     "lame_parameters",
+    "motor",
+    "on_the_axis",
     "rest_shape",
     "rest_triangles",
     "stable_neo_hookean",

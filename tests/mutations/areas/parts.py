@@ -11,7 +11,53 @@ DERIVATIVES = (
 )
 WEIGHTS = "tests/parameterisations/test_weights.py"
 
+JOINT_ENERGIES = "yasps/materials/joints.py"
+JOINT_VALUES = ("tests/materials/test_joint_energies.py::test_values",)
+LINKAGE = ("tests/bodies/test_joints.py::test_a_four_bar_linkage_follows_its_closed_form_through_a_whole_turn",)
+
 MUTATIONS = (
+    Mutation(
+        "a slider leaves one direction free",
+        JOINT_ENERGIES,
+        "(across * across + other * other)",
+        "across * across",
+        JOINT_VALUES,
+    ),
+    Mutation(
+        "an angle counts the other way",
+        JOINT_ENERGIES,
+        "sine, cosine = e3.dot(f2) - e2.dot(f3)",
+        "sine, cosine = e2.dot(f3) - e3.dot(f2)",
+        JOINT_VALUES,
+    ),
+    Mutation(
+        "a motor jumps at its largest torque",
+        JOINT_ENERGIES,
+        "(off - 0.5 * torque / select",
+        "(off - torque / select",
+        JOINT_VALUES,
+    ),
+    Mutation(
+        "limits pull from inside",
+        JOINT_ENERGIES,
+        "maximum(angle - as_attribute(most), constant(0.0))",
+        "maximum(as_attribute(most) - angle, constant(0.0))",
+        JOINT_VALUES,
+    ),
+    Mutation(
+        "a frame is fixed to other vertices",
+        "yasps/bodies/joints.py",
+        "row |= {side: start + numbers,",
+        "row |= {side: numbers,",
+        LINKAGE,
+    ),
+    Mutation(
+        "angles begin anew after a whole turn",
+        "yasps/bodies/joints.py",
+        "self._references[hinge] = hinge.angle()",
+        "self._references[hinge] = 0.0",
+        LINKAGE,
+    ),
     Mutation(
         "a rotation turns the other way",
         "yasps/parameterisations/rigid.py",
