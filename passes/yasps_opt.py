@@ -20,7 +20,7 @@ from yasps.dialects.mat import Mat
 from yasps.dialects.rel import Rel
 from yasps.passes.errors import CompileError
 from yasps.passes.ir_text import text_of
-from yasps.passes.pipeline import PIPELINE, run_passes, verify
+from yasps.passes.pipeline import PIPELINE, Verifier, run_passes
 
 DESCRIPTION = "Runs passes on the textual IR of yasps."
 
@@ -87,11 +87,11 @@ class YaspsOptMain(xDSLOptMain):
             super().setup_pipeline()  # type: ignore[no-untyped-call]
         except ValueError as error:  # of an unknown pass
             raise CompileError(str(error)) from error
-        theirs = self.pipeline.callback
+        theirs, verifier = self.pipeline.callback, Verifier()
 
         def callback(previous: ModulePass | None, module: ModuleOp, following: ModulePass | None) -> None:
             if not self.args.disable_verify:
-                verify(module, previous)
+                verifier.verify(module, previous)
             if theirs is not None:
                 theirs(previous, module, following)
 

@@ -290,7 +290,14 @@ def test_a_hinge_in_numpys_words_is_what_numpy_computes() -> None:
 def test_every_python_block_is_run() -> None:
     """Whoever writes one more writes a test of it."""
     shown = {name.name: len(re.findall(r"```python", name.read_text(encoding="utf-8"))) for name in DOCUMENTS}
-    run = {"README.md": 1, "architecture.md": 1, "contact-and-stepping.md": 4, "gpu.md": 1, "language.md": 6, "parameterisations.md": 1}
+    run = {
+        "README.md": 1,
+        "architecture.md": 1,
+        "contact-and-stepping.md": 4,
+        "gpu.md": 1,
+        "language.md": 6,
+        "parameterisations.md": 1,
+    }
     assert {name: count for name, count in shown.items() if count} == run
 
 

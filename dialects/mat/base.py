@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import abc
 from collections.abc import Sequence
+from functools import lru_cache
 from typing import TYPE_CHECKING, Any, ClassVar, Self, cast
 
 import numpy as np
@@ -43,6 +44,7 @@ class NotDifferentiableError(ValueError):
     """An operation that has no derivative rule stands between an energy and its targets."""
 
 
+@lru_cache
 def matrix_type(shape: Shape, element: Float64Type | IntegerType = f64) -> Matrix:
     return TensorType(element, shape)
 

@@ -27,9 +27,16 @@ class MatBuilder:
     def __init__(self, body: Block) -> None:
         self.body = body
         self._known: dict[tuple[object, ...], SSAValue] = {}
+        self._ages: dict[SSAValue, int] = {}
 
     def append(self, op: Operation) -> None:
         self.body.add_op(op)
+        for result in op.results:
+            self._ages[result] = 1 + len(self._ages)
+
+    def age(self, value: SSAValue) -> int:
+        """A number that is smaller than those of all values made later; 0 for what this builder has not made."""
+        return self._ages.get(value, 0)
 
     def emit(
         self,
@@ -48,7 +55,8 @@ class MatBuilder:
         if found is not None:
             return named(found, name_hint)
         shape = op_class.infer([shape_of(v) for v in operands], properties)
-        op = op_class(operands, matrix_type(shape, element), properties)
+        # Not by the constructor, which looks at each operand anew: that takes most of the time.
+        op = op_class.create(operands=operands, result_types=[matrix_type(shape, element)], properties=properties)
         result: SSAValue
         folded = op.fold()
         if folded is None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import lru_cache
 from typing import TYPE_CHECKING, Any, ClassVar, cast
 
 import numpy as np
@@ -38,9 +39,10 @@ def _integers(properties: dict[str, Attribute], name: str, count: int) -> tuple[
     return values
 
 
-def integers(values: Sequence[int]) -> DenseArrayBase[IntegerType]:
+@lru_cache
+def integers(values: tuple[int, ...]) -> DenseArrayBase[IntegerType]:
     """The property of an operation that takes integers."""
-    return DenseArrayBase.from_list(i64, list(values))
+    return DenseArrayBase.from_list(i64, values)
 
 
 @irdl_op_definition
@@ -206,7 +208,7 @@ class BlockOp(MatOp):
 
     @classmethod
     def properties_of(cls, given: dict[str, Any], type_: Matrix) -> dict[str, Attribute]:
-        return {"block": integers([*given["corner"], *_shape(type_)])}
+        return {"block": integers((*given["corner"], *_shape(type_)))}
 
     @classmethod
     def infer(cls, shapes: Sequence[Shape], properties: dict[str, Attribute]) -> Shape:
@@ -278,7 +280,7 @@ class EmbedOp(MatOp):
 
     @classmethod
     def properties_of(cls, given: dict[str, Any], type_: Matrix) -> dict[str, Attribute]:
-        return {"place": integers([*given["corner"], *_shape(type_)])}
+        return {"place": integers((*given["corner"], *_shape(type_)))}
 
     @classmethod
     def infer(cls, shapes: Sequence[Shape], properties: dict[str, Attribute]) -> Shape:

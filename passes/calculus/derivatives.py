@@ -4,14 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
+from heapq import heappop, heappush
 
 from xdsl.ir import SSAValue
 
 from yasps.dialects.mat import MatBuilder, MatOp, shape_of
 from yasps.dialects.mat.algebra import NormOp
+from yasps.dialects.mat.base import is_zero
 from yasps.passes.analysis.dependence import DependenceMap, size_of
 from yasps.passes.analysis.norms import divisors, inverse_for_tangents, smooth_norms
-from yasps.passes.calculus.scalar_chains import ScalarChains, Slopes
+from yasps.passes.calculus.scalar_chains import ScalarChains
 
 
 def pull_back(
@@ -127,21 +129,13 @@ class _Guards:
 class PushForward:
     """Forward mode along one direction: tangents of values for the tangents of a few, made on demand.
 
-    chains: of the same few values; shared by several directions it saves most of the work on numbers. inverses: of
-    norms, as `norms.inverse_for_tangents` makes them.
+    What is older than all values with a tangent has none, and is not looked at.
     """
 
-    def __init__(
-        self,
-        b: MatBuilder,
-        seeds: Mapping[SSAValue, SSAValue | None],
-        chains: ScalarChains | None = None,
-        inverses: Mapping[SSAValue, SSAValue] | None = None,
-    ) -> None:
+    def __init__(self, b: MatBuilder, seeds: Mapping[SSAValue, SSAValue | None]) -> None:
         self.b = b
-        self._chains = chains
-        self._inverses = inverses or {}
         self._tangents: dict[SSAValue, SSAValue | None] = dict(seeds)
+        self._oldest = min((b.age(value) for value, tangent in seeds.items() if tangent is not None), default=0)
 
     def __getitem__(self, value: SSAValue) -> SSAValue | None:
         """Tangent of the value; None stands for zero."""
@@ -149,29 +143,100 @@ class PushForward:
         while stack:
             current = stack[-1]
             op = current.owner
-            if current in self._tangents or not isinstance(op, MatOp):
+            if current in self._tangents or not isinstance(op, MatOp) or self.b.age(current) < self._oldest:
                 self._tangents.setdefault(current, None)
                 stack.pop()
                 continue
-            slopes = self._chains.slopes(current) if self._chains is not None else None
-            needed = op.operands if slopes is None else [u for u, _ in slopes]
-            missing = [operand for operand in needed if operand not in self._tangents]
+            missing = [operand for operand in op.operands if operand not in self._tangents]
             if missing:
                 stack.extend(missing)
                 continue
-            self._tangents[current] = self._along(slopes) if slopes is not None else self._by_rule(op)
+            tangents = [self._tangents[operand] for operand in op.operands]
+            some = any(tangent is not None for tangent in tangents)
+            self._tangents[current] = op.pushforward(self.b, tangents) if some else None
             stack.pop()
         return self._tangents[value]
 
-    def _by_rule(self, op: MatOp) -> SSAValue | None:
-        tangents = [self._tangents[operand] for operand in op.operands]
-        if op.result in self._inverses:
-            return tangents[0] and self.b.scale(self._inverses[op.result], self.b.dot(op.operands[0], tangents[0]))
-        return op.pushforward(self.b, tangents) if any(tangent is not None for tangent in tangents) else None
 
-    def _along(self, slopes: Slopes) -> SSAValue | None:
-        parts = [(slope, self._tangents[u]) for u, slope in slopes]
-        return self.b.total([slope and tangent and self.b.scale(slope, tangent) for slope, tangent in parts])
+class _ForwardMode:
+    """Forward mode along many directions, of the same outputs and seeds: each visits only what it changes.
+
+    inverses: of norms, as `norms.inverse_for_tangents` makes them.
+    """
+
+    def __init__(
+        self,
+        b: MatBuilder,
+        outputs: Sequence[SSAValue],
+        seeded: Collection[SSAValue],
+        chains: ScalarChains,
+        inverses: Mapping[SSAValue, SSAValue],
+    ) -> None:
+        self.b = b
+        self._chains = chains
+        self._inverses = inverses
+        self._values: list[SSAValue] = []
+        """All between the seeds and the outputs whose tangents may be needed, operands first."""
+        self._users: dict[SSAValue, list[int]] = {value: [] for value in seeded}
+        """Positions in that list of those computed from a value."""
+        stack = list(outputs)
+        while stack:
+            value = stack[-1]
+            if value in self._users or not isinstance(value.owner, MatOp):
+                self._users.setdefault(value, [])
+                stack.pop()
+                continue
+            sources = self._sources(value)
+            missing = [source for source in sources if source not in self._users]
+            if missing:
+                stack.extend(missing)
+                continue
+            for source in sources:
+                self._users[source].append(len(self._values))
+            self._users[value] = []
+            self._values.append(value)
+            stack.pop()
+
+    def _sources(self, value: SSAValue) -> list[SSAValue]:
+        """Values whose tangents make that of this one."""
+        slopes = self._chains.slopes(value)
+        if slopes is not None:
+            return [u for u, _ in slopes]
+        assert isinstance(value.owner, MatOp)
+        return list(dict.fromkeys(value.owner.operands))
+
+    def along(self, seeds: Mapping[SSAValue, SSAValue | None]) -> dict[SSAValue, SSAValue]:
+        """Tangents that are not zero, of all values between."""
+        tangents: dict[SSAValue, SSAValue] = {}
+        waiting: list[int] = []
+        listed: set[int] = set()
+
+        def note(value: SSAValue, tangent: SSAValue | None) -> None:
+            if tangent is None or is_zero(tangent):
+                return
+            tangents[value] = tangent
+            for user in self._users.get(value, ()):
+                if user not in listed:
+                    listed.add(user)
+                    heappush(waiting, user)
+
+        for value, tangent in seeds.items():
+            note(value, tangent)
+        while waiting:
+            value = self._values[heappop(waiting)]
+            note(value, self._tangent(value, tangents))
+        return tangents
+
+    def _tangent(self, value: SSAValue, tangents: Mapping[SSAValue, SSAValue]) -> SSAValue | None:
+        b, op, slopes = self.b, value.owner, self._chains.slopes(value)
+        if slopes is not None:
+            parts = [(slope, tangents.get(u)) for u, slope in slopes]
+            return b.total([slope and tangent and b.scale(slope, tangent) for slope, tangent in parts])
+        assert isinstance(op, MatOp)
+        if value in self._inverses:
+            (vector,) = op.operands
+            return b.scale(self._inverses[value], b.dot(vector, tangents[vector]))
+        return op.pushforward(b, [tangents.get(operand) for operand in op.operands])
 
 
 def directional(
@@ -181,27 +246,31 @@ def directional(
 
     Every direction seeds the same values; a seed of None holds a value constant.
     """
+    pushes: dict[tuple[SSAValue, frozenset[SSAValue]], PushForward] = {}
 
     def partial(value: SSAValue, u: SSAValue, front: Collection[SSAValue]) -> SSAValue | None:
-        return PushForward(b, {**dict.fromkeys(front), u: b.number(1.0)})[value]
+        key = (u, frozenset(front))
+        if key not in pushes:
+            pushes[key] = PushForward(b, {**dict.fromkeys(front), u: b.number(1.0)})
+        return pushes[key][value]
 
     seeded = directions[0].keys()
     norms = smooth_norms(outputs, seeded)
-    held: dict[SSAValue, SSAValue | None] = dict.fromkeys((*seeded, *(norm.result for norm in norms)))
+    held = dict.fromkeys((*seeded, *(norm.result for norm in norms)))
     chains = ScalarChains(held.keys(), partial)
-    wanted = (*outputs, *(norm.operands[0] for norm in norms))
     inverses: dict[SSAValue, SSAValue] = {}
-    for norm in norms:
-        push = PushForward(b, {**held, norm.result: b.number(1.0)}, chains)
-        inverses[norm.result] = inverse_for_tangents(b, norm.result, [push[value] for value in wanted])
+    if norms:
+        wanted = (*outputs, *(norm.operands[0] for norm in norms))
+        between = _ForwardMode(b, wanted, held.keys(), chains, inverses)
+        for norm in norms:
+            slopes = between.along({norm.result: b.number(1.0)})
+            inverses[norm.result] = inverse_for_tangents(b, norm.result, [slopes.get(value) for value in wanted])
+    forward = _ForwardMode(b, outputs, seeded, chains, inverses)
     columns = []
     for seeds in directions:
-        push = PushForward(b, seeds, chains, inverses)
-        tangents = [(output, push[output]) for output in outputs]
+        tangents = forward.along(seeds)
         columns.append(
-            b.concat_rows(
-                [b.zeros((size_of(output), 1)) if tangent is None else b.flat(tangent) for output, tangent in tangents]
-            )
+            b.concat_rows([b.flat(tangents[v]) if v in tangents else b.zeros((size_of(v), 1)) for v in outputs])
         )
     return b.concat_cols(columns)
 

@@ -8,6 +8,7 @@ and f_u and f_w are the same for all directions.
 from __future__ import annotations
 
 from collections.abc import Callable, Collection
+from dataclasses import dataclass
 
 from xdsl.ir import SSAValue
 
@@ -19,8 +20,18 @@ WIDEST_FRONT = 2
 """More numbers than this are no bottleneck: the chain's own rules cost less."""
 FARTHEST_FRONT = 6
 """A front is followed while it is no wider than this: beyond, it rarely narrows again."""
+MOST_STEPS = 32
+"""So many steps from bottleneck to bottleneck a front is followed, so that all chains together take linear time."""
 
 Partial = Callable[[SSAValue, SSAValue, Collection[SSAValue]], SSAValue | None]
+
+
+@dataclass(frozen=True)
+class _Front:
+    """Numbers that another is a function of, and the norms of the quotients between them."""
+
+    numbers: tuple[SSAValue, ...]
+    norms: frozenset[SSAValue]
 
 
 class ScalarChains:
@@ -34,6 +45,8 @@ class ScalarChains:
         self._inputs = frozenset(inputs)
         self._partial = partial
         self._known: dict[SSAValue, Slopes | None] = {}
+        self._fronts: dict[SSAValue, _Front | None] = {}
+        self._chained: dict[SSAValue, bool] = {}
         self._active: dict[SSAValue, bool] = dict.fromkeys(inputs, True)
         self._positions: dict[SSAValue, int] = {}
 
@@ -41,42 +54,73 @@ class ScalarChains:
         """The front that `value` is computed from and its slopes; None where the operation's own rule does better."""
         if value not in self._known:
             front = self._front(value)
-            self._known[value] = None if front is None else tuple((u, self._partial(value, u, front)) for u in front)
+            self._known[value] = (
+                None if front is None else tuple((u, self._partial(value, u, front.numbers)) for u in front.numbers)
+            )
         return self._known[value]
 
-    def _front(self, value: SSAValue) -> list[SSAValue] | None:
-        """The narrowest set of numbers that value is a function of; of equally narrow ones the nearest to the "
-        "inputs."""
-        if not self._in_chain(value):
-            return None
+    def _front(self, value: SSAValue) -> _Front | None:
+        """The front of a number; first those of all numbers that it is computed from in chains."""
+        stack = [value]
+        while stack:
+            current = stack[-1]
+            if current in self._fronts:
+                stack.pop()
+                continue
+            if not self._in_chain(current):
+                self._fronts[current] = None
+                continue
+            missing = [u for u in self._operands(current) if u not in self._fronts]
+            if missing:
+                stack.extend(missing)
+                continue
+            self._fronts[current] = self._narrowest(current)
+        return self._fronts[value]
+
+    def _narrowest(self, value: SSAValue) -> _Front | None:
+        """The narrowest set of numbers that value is a function of; of equally narrow ones the nearest to the inputs.
+
+        It goes from one front to the next by putting in place of a number that number's own front, so that a long chain
+        is not walked again for each of its numbers. One that has none ends it: what is computed from it can't have one
+        that is narrower.
+        """
         front, best = self._operands(value), None
-        passed = [value]
-        while True:
+        norms = _norms_taken_apart(value)
+        for _ in range(MOST_STEPS):
+            if (
+                len(front) <= WIDEST_FRONT
+                and (best is None or len(front) <= len(best.numbers))
+                and all(u is norm for norm in norms for u in front)
+            ):
+                best = _Front(tuple(front), norms)
             inner = [u for u in front if self._in_chain(u)]
-            is_narrow = len(front) <= WIDEST_FRONT and (best is None or len(front) <= len(best))
-            if is_narrow and not any(_takes_apart(front, v) for v in passed):
-                best = front
             if not inner or len(front) > FARTHEST_FRONT:
-                return best
+                break
             # The last made first: nothing that is still in the front can be computed from it.
             last = max(inner, key=self._height)
-            passed.append(last)
-            front = list(dict.fromkeys([u for u in front if u is not last] + self._operands(last)))
+            behind = self._fronts[last]
+            if behind is None:
+                break
+            norms = norms | behind.norms
+            front = list(dict.fromkeys([*(u for u in front if u is not last), *behind.numbers]))
+        return best
 
     def _in_chain(self, value: SSAValue) -> bool:
         """Is it a number computed from numbers alone, by a rule without choices?
 
         A choice is never differentiated as f' u': what lies behind the side not taken may be NaN, and 0 NaN is NaN.
         """
-        op = value.owner
-        return (
-            value not in self._inputs
-            and isinstance(op, MatOp)
-            and not op.HELD_CONSTANT
-            and shape_of(value) == (1, 1)
-            and all(shape_of(operand) == (1, 1) for operand in op.operands)
-            and type(op).chosen_by is MatOp.chosen_by
-        )
+        if value not in self._chained:
+            op = value.owner
+            self._chained[value] = (
+                value not in self._inputs
+                and isinstance(op, MatOp)
+                and not op.HELD_CONSTANT
+                and shape_of(value) == (1, 1)
+                and all(shape_of(operand) == (1, 1) for operand in op.operands)
+                and type(op).chosen_by is MatOp.chosen_by
+            )
+        return self._chained[value]
 
     def _operands(self, value: SSAValue) -> list[SSAValue]:
         op = value.owner
@@ -116,11 +160,11 @@ class ScalarChains:
         return self._positions[value]
 
 
-def _takes_apart(front: Collection[SSAValue], value: SSAValue) -> bool:
-    """Is the value a quotient slope / n, and the front more than n?
+def _norms_taken_apart(value: SSAValue) -> frozenset[SSAValue]:
+    """The norm n if the value is a quotient slope / n: then nothing but n may be its front.
 
     Where slope and n are both 0 the quotient has tangents, but its derivative with respect to anything else that the
     slope is computed from is infinite.
     """
     op = value.owner
-    return isinstance(op, OverNormOp) and any(u is not op.operands[1] for u in front)
+    return frozenset({op.operands[1]}) if isinstance(op, OverNormOp) else frozenset()

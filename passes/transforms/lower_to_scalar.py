@@ -8,7 +8,7 @@ function of its own, called `uniform`.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 from typing import cast
 
@@ -48,7 +48,7 @@ from yasps.passes.bodies import BodyBuilder, containers
 from yasps.passes.calculus.finite_check import finite_check
 from yasps.passes.errors import working_on
 
-BINARY: dict[str, Callable[[SSAValue, SSAValue], Operation]] = {
+BINARY: dict[str, type[Operation]] = {
     "add": arith.AddfOp,
     "sub": arith.SubfOp,
     "mul": arith.MulfOp,
@@ -59,11 +59,12 @@ BINARY: dict[str, Callable[[SSAValue, SSAValue], Operation]] = {
 }
 COMPARISONS = {"lt": "olt", "le": "ole", "ne": "one"}
 """Ordered predicates of `arith.cmpf`: false on NaN."""
-UNARY: dict[str, Callable[[SSAValue], Operation]] = {
+UNARY: dict[str, type[Operation]] = {
     "neg": arith.NegfOp,
     **{function.name: function.operation for function in FUNCTIONS},
     "abs": math.AbsFOp,
 }
+_NO_FLAGS = arith.FastMathFlagsAttr("none")
 
 
 @dataclass(frozen=True)
@@ -177,10 +178,11 @@ def _function(
             op = arith.CmpfOp(operands[0], operands[1], COMPARISONS[kind])
         elif kind == "select":
             op = arith.SelectOp(*operands)
-        elif kind in BINARY:
-            op = BINARY[kind](*operands)
         else:
-            op = UNARY[kind](*operands)
+            # Not by the constructor, which looks at each operand anew: that takes most of the time.
+            op = (BINARY.get(kind) or UNARY[kind]).create(
+                operands=operands, result_types=[element], properties={"fastmath": _NO_FLAGS}
+            )
         block.add_op(op)
         values[node] = op.results[0]
     block.add_op(func.ReturnOp(*[values[node] for node in outputs]))

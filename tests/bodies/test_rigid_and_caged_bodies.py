@@ -144,7 +144,7 @@ def test_a_caged_ball_keeps_its_momentum_and_every_corner_is_held() -> None:
 
 def test_numbers_that_cannot_be_leave_nothing_behind() -> None:
     scene = Scene("wrong", threads=1)
-    with pytest.raises(SceneError, match="density must be a positive number"):
+    with pytest.raises(SceneError, match="density must be positive"):
         RigidBody(scene, "a", BLOCK, density=0.0)
     with pytest.raises(SceneError, match="Poisson"):
         CagedBody(scene, "a", BLOCK, poisson_ratio=0.5)

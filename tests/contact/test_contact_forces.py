@@ -99,6 +99,17 @@ def test_a_vertex_presses_a_half_space_along_its_normal() -> None:
     assert 0.0 < forces.normal.gap[below].min() - 0.3 * contact.geometry.activation_distance < 3e-3
 
 
+def test_pairs_rub_at_the_gap_at_which_they_push() -> None:
+    """Pieces of one object that are near at rest have a share of their radii only, of which both know."""
+    _, contact = scene_of("shaken")
+    shares = np.concatenate([pairs.share for pairs in contact.active.kinds().values()])
+    assert shares.min() < 1.0
+    forces = contact_forces(contact)
+    assert len(forces.friction) == len(forces.normal) == len(shares)
+    np.testing.assert_allclose(forces.friction.gap, forces.normal.gap, atol=1e-15)
+    np.testing.assert_allclose(forces.friction.load, forces.normal.normal_force, rtol=1e-9)
+
+
 @pytest.mark.parametrize("barrier", ["log", pytest.param("paper", marks=pytest.mark.nightly)])
 def test_friction_is_that_of_the_scenes_gradient(barrier: str) -> None:
     """Of pairs that stick, that slide and in between; all kinds but one are among them."""

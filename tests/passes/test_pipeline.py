@@ -15,8 +15,13 @@ from mat_bodies import relative_error
 from small_scenes import SCENES, emit, soft_tets
 from xdsl.parser import Parser
 
+from yasps.dialects.mat import matrix_type
+from yasps.dialects.mat.algebra import MatmulOp
+from yasps.dialects.mat.base import dense
+from yasps.dialects.mat.structure import ConstantOp
+from yasps.passes.errors import CompileError
 from yasps.passes.ir_text import text_of
-from yasps.passes.pipeline import PIPELINE, make_context, run_pipeline
+from yasps.passes.pipeline import PIPELINE, Verifier, make_context, run_pipeline
 
 DERIVED = ("differentiate", "project-psd", "prove-isotropy", "infer-indices", "lower-to-scalar", "outline-modules")
 PROJECTED = DERIVED[1:]
@@ -116,3 +121,21 @@ def test_the_garbage_collector_is_left_as_it_was() -> None:
     before = gc.get_threshold()
     run_pipeline(emit(soft_tets()).module)
     assert gc.get_threshold() == before
+
+
+def test_an_operation_that_a_pass_breaks_is_found_beside_equal_ones_that_are_whole() -> None:
+    module = emit(soft_tets()).module
+    verifier = Verifier()
+    verifier.verify(module, None)
+    products = [op for op in module.walk() if isinstance(op, MatmulOp)]
+    operand = products[0].operands[0]
+    seven = matrix_type((7, 7))
+    wider = ConstantOp.create(result_types=[seven], properties={"value": dense(np.eye(7), seven)})
+    block = products[0].parent_block()
+    assert block is not None
+    block.insert_op_before(wider, products[0])
+    products[0].operands[0] = wider.result
+    with pytest.raises(CompileError, match=r"mat\.matmul"):
+        verifier.verify(module, PIPELINE[0])
+    products[0].operands[0] = operand
+    verifier.verify(module, PIPELINE[0])

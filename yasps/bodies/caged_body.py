@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from yasps import Scene, materials
-from yasps.bodies.body import Body, check_density
+from yasps.bodies.body import Body, checked_density
 from yasps.bodies.element_body import add_elastic_points
 from yasps.frontend.language.arrays import checked_count
 from yasps.meshes import ElementMesh, GaussPoints, TetrahedralMesh, TriangleMesh, hex_box, tetrahedra_of
@@ -46,15 +46,14 @@ class CagedBody(Body):
 
         Raises SceneError for numbers out of range, NameTakenError, MeshError.
         """
-        check_density(name, density, "kg/m^3")
+        density = checked_density(name, density, "kg/m^3")
         materials.stable_neo_hookean_parameters(youngs_modulus, poisson_ratio)
         divisions = checked_count(divisions, f"the divisions of {name}", 1)
         shape = tetrahedra_of(shape)
-        super().__init__(scene, name, radius)
-        self.contact_modulus = youngs_modulus
-        self.rest, self.cells, self.triangles = shape.vertices, {"tetra": shape.tets}, shape.surface_triangles()
         self.cage, filled, owner, weights = _cage_of(shape, divisions)
-
+        super().__init__(scene, name, shape.vertices, radius)
+        self.contact_modulus = float(youngs_modulus)
+        self.cells, self.triangles = {"tetra": shape.tets}, shape.surface_triangles()
         self.corners = self.mesh.add_primitive("corners", num_instances=len(self.cage.vertices))
         corner_position = self.corners.add_attribute("position", rows=3, cols=1, value=self.cage.vertices)
         self.corners.add_constant("rest_position", rows=3, cols=1, value=self.cage.vertices)

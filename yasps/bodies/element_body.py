@@ -5,7 +5,7 @@ from __future__ import annotations
 from numpy.typing import ArrayLike
 
 from yasps import Attribute, Primitive, Scene, materials
-from yasps.bodies.body import Body, check_density
+from yasps.bodies.body import Body, checked_density
 from yasps.meshes import ElementMesh, GaussPoints, MeshError
 
 
@@ -32,13 +32,13 @@ class ElementBody(Body):
         shape: hexahedra, or tetrahedra of 4 or 10 nodes. density [kg/m^3]; youngs_modulus [Pa]; radius: of the surface,
         see `Body` [m]. Raises SceneError for numbers out of range, NameTakenError, MeshError.
         """
-        check_density(name, density, "kg/m^3")
+        density = checked_density(name, density, "kg/m^3")
         materials.stable_neo_hookean_parameters(youngs_modulus, poisson_ratio)
         if shape.kind.startswith("triangle"):
             raise MeshError(f"{name}: {shape} has no volume; soft bodies are of tetrahedra or hexahedra.")
-        super().__init__(scene, name, radius)
-        self.contact_modulus = youngs_modulus
-        self.rest, self.cells, self.triangles = shape.vertices, {shape.kind: shape.cells}, shape.surface_triangles()
+        super().__init__(scene, name, shape.vertices, radius)
+        self.contact_modulus = float(youngs_modulus)
+        self.cells, self.triangles = {shape.kind: shape.cells}, shape.surface_triangles()
         self.vertices = self.mesh.add_primitive("vertices", num_instances=len(shape.vertices))
         position = self.vertices.add_attribute("position", rows=3, cols=1, value=shape.vertices)
         self.vertices.add_constant("rest_position", rows=3, cols=1, value=shape.vertices)

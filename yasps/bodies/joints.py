@@ -8,9 +8,10 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from yasps import Attribute, Primitive, Scene, SceneError, materials
 from yasps.bodies.body import Body
@@ -20,6 +21,8 @@ from yasps.meshes.tetrahedral_mesh import Float64Array
 
 WORLD = np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]])
 """Points that never move."""
+Row = dict[str, Any]
+"""Numbers of one joint, by the names of connectivities and constants."""
 UNLIMITED = 1e9
 """An angle [rad] that no limit is, and a torque [N m] that no motor has."""
 
@@ -42,17 +45,17 @@ class _Frames:
 
     def __init__(self, joints: Joints, name: str, constants: Sequence[tuple[str, int]]) -> None:
         self.primitive: Primitive = joints.mesh.add_primitive(name, 0, is_dynamic=True)
-        self.frames: list[Attribute] = []
-        for side in ("first", "second"):
-            corners = self.primitive.add_connectivity(side, joints.vertices, [], 4)
-            x = self.primitive.add_attribute(f"{side}_positions", through=corners, source=joints.position)
-            weights = self.primitive.add_constant(f"{side}_weights", 4, 4)
-            frame = materials.frame_of(x, weights)
-            self.frames.append(self.primitive.add_attribute(f"{side}_frame", computed_attribute=frame))
+        self.frames = (self._frame(joints, "first"), self._frame(joints, "second"))
         self.numbers = {name: self.primitive.add_constant(name, rows, 1) for name, rows in constants}
-        self.rows: list[dict[str, NDArray[np.generic] | float]] = []
+        self.rows: list[Row] = []
 
-    def add(self, row: dict[str, NDArray[np.generic] | float]) -> int:
+    def _frame(self, joints: Joints, side: str) -> Attribute:
+        corners = self.primitive.add_connectivity(side, joints.vertices, [], 4)
+        x = self.primitive.add_attribute(f"{side}_positions", through=corners, source=joints.position)
+        weights = self.primitive.add_constant(f"{side}_weights", 4, 4)
+        return self.primitive.add_attribute(f"{side}_frame", computed_attribute=materials.frame_of(x, weights))
+
+    def add(self, row: Row) -> int:
         """One more; its number."""
         rows = [*self.rows, row]
         self.primitive.update(**{name: np.array([one[name] for one in rows]) for name in row})
@@ -79,15 +82,15 @@ class Joint:
     kind: str
     frames: _Frames
     number: int
-    pair: dict[str, NDArray[np.generic] | float]
+    pair: Row
 
     def residual(self) -> Residual:
         """How far it is from what it is for, now."""
         first, second = self.frames.values()[self.number]
         way, row = second[0] - first[0], self.frames.rows[self.number]
-        stiffness = float(row["stiffness"])  # type: ignore[arg-type]
+        stiffness = float(row["stiffness"])
         if self.kind == "spring":
-            gap = abs(float(np.linalg.norm(way)) - float(row["length"]))  # type: ignore[arg-type]
+            gap = abs(float(np.linalg.norm(way)) - float(row["length"]))
             return Residual(self.name, gap, 0.0, stiffness * gap)
         if self.kind == "slider":
             way = way - (way @ first[1]) * first[1]
@@ -278,7 +281,7 @@ class Joints:
     def _register(self, frames: _Frames, name: str, energy: Attribute) -> None:
         self.scene.add_energy(frames.primitive.add_attribute(name, computed_attribute=energy))
 
-    def _made(self, kind: str, frames: _Frames, row: dict[str, NDArray[np.generic] | float], name: str) -> Joint:
+    def _made(self, kind: str, frames: _Frames, row: Row, name: str) -> Joint:
         joint = (Hinge if kind == "hinge" else Joint)(
             self, name or f"{kind} {len(self.all)}", kind, frames, frames.add(row), row
         )
@@ -289,8 +292,8 @@ class Joints:
 
     def _pair(
         self, first: Body | None, second: Body | None, origins: Sequence[Float64Array], vectors: Float64Array
-    ) -> dict[str, NDArray[np.generic] | float]:
-        row: dict[str, NDArray[np.generic] | float] = {}
+    ) -> Row:
+        row: Row = {}
         if first is second:
             both = "the world" if first is None else repr(first)
             raise SceneError(f"a joint holds two bodies, or a body and the world (None); both are {both}")

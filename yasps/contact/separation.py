@@ -73,7 +73,7 @@ def separate(
     Call it before the simulation is made. Raises IntersectionError for overlaps that are too large or that no small
     motion takes away and for what crosses itself, SceneError for wrong arguments; all bodies are then where they were.
     """
-    if not 0 < largest_share <= 1:
+    if not positive_number(largest_share, "largest_share", "of a body's size", SceneError) <= 1:
         raise SceneError(f"largest_share is a share of a body's size between 0 and 1, got {largest_share}")
     surfaces = Surfaces(bodies, table)
     free = [body for body in surfaces.bodies if not body.is_fixed]

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from yasps import Attribute, SceneError, ShapeMismatchError, as_attribute, concat_rows
-from yasps.frontend.language.arrays import vertices_and_elements
+from yasps.frontend.language.arrays import positive_number, real_numbers, vertices_and_elements
 from yasps.materials.scalar import Scalar
 
 
@@ -15,9 +15,9 @@ def lame_parameters(youngs_modulus: float, poisson_ratio: float) -> tuple[float,
 
     Raises SceneError unless youngs_modulus > 0 and -1 < poisson_ratio < 0.5.
     """
-    if not youngs_modulus > 0:
-        raise SceneError(f"Young's modulus must be positive, got {youngs_modulus} Pa")
-    if not -1 < poisson_ratio < 0.5:
+    youngs_modulus = positive_number(youngs_modulus, "Young's modulus", "Pa", SceneError)
+    ratio = real_numbers(poisson_ratio, "Poisson's ratio", SceneError)
+    if ratio.shape != () or not -1 < ratio < 0.5:
         raise SceneError(f"Poisson's ratio must lie between -1 and 0.5, got {poisson_ratio}")
     mu = youngs_modulus / (2 * (1 + poisson_ratio))
     lam = youngs_modulus * poisson_ratio / ((1 + poisson_ratio) * (1 - 2 * poisson_ratio))

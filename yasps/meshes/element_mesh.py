@@ -112,7 +112,7 @@ class ElementMesh:
         """
         kind = self._kind
         if kind.dimension == 2:
-            return self.cells[:, np.array(kind.split[0])].reshape(-1, 3)
+            return np.asarray(self.cells[:, np.array(kind.split[0])].reshape(-1, 3), np.int32)
         corners = np.stack([self.cells[:, face] for face in kind.faces], axis=1)
         flat = np.sort(corners.reshape(-1, corners.shape[2]), axis=1)
         _, inverse, counts = np.unique(flat, axis=0, return_inverse=True, return_counts=True)
@@ -122,7 +122,7 @@ class ElementMesh:
         if not kind.split:
             return _cut_quadrilaterals(corners[outside])
         triangles = np.stack([self.cells[:, np.array(split)] for split in kind.split], axis=1)
-        return triangles[outside].reshape(-1, 3)
+        return np.asarray(triangles[outside].reshape(-1, 3), np.int32)
 
 
 def _in_plane(by_local: Float64Array, warp: Float64Array) -> Float64Array:

@@ -73,6 +73,8 @@ def minimize(
     values.
     """
     time_step = positive_number(time_step, "time_step", "s", SceneError)
+    if not isinstance(settings, NewtonSettings):
+        raise SceneError(f"settings are NewtonSettings, got {settings!r}")
     measured = [contact.position] if contact is not None else list(positions)
     with scene.lock:
         unknowns = scene.compile().unknowns_of(fixed) if fixed else None

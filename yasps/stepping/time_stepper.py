@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from yasps import Attribute, FloatArray, Scene, SceneError, YaspsError
+from yasps import Attribute, FloatArray, Scene, SceneError
 from yasps.contact import BarrierContact, ContactPast
 from yasps.frontend.language.arrays import in_instances, positive_number, real_numbers
 from yasps.frontend.language.in_scene import InScene
@@ -57,9 +57,11 @@ class StepperState:
     time: float
 
 
-def _of_one_instance(acceleration: ArrayLike, target: Attribute) -> FloatArray:
-    """The acceleration of a target, flat."""
+def _of_one_instance(acceleration: ArrayLike | Attribute, target: Attribute) -> FloatArray:
+    """The acceleration of a target now, flat."""
     what = f"the acceleration of {target.path}"
+    if isinstance(acceleration, Attribute):
+        acceleration = acceleration.value
     return in_instances(real_numbers(acceleration, what), 1, target.shape, what).reshape(-1)
 
 
@@ -78,9 +80,10 @@ class TimeStepper(InScene):
     """Steps a scene through time; the scene's energies must include `materials.inertia` of every part.
 
     accelerations: target -> uniform acceleration [m/s^2] of that target in free flight (gravity for positions and
-    translations; nothing for matrices). The first guess of a step, x_n + dt v_n + dt^2 a, is then the exact solution
-    for bodies that fly freely. It is only taken where no pair is close at x_n, no collision is on the way and the
-    energy is lower than at x_n. arms: see `minimize`.
+    translations; nothing for matrices), numbers or a constant of the scene, whose numbers are those of each step. The
+    first guess of a step, x_n + dt v_n + dt^2 a, is then the exact solution for bodies that fly freely. It is only
+    taken where no pair is close at x_n, no collision is on the way and the energy is lower than at x_n. arms: see
+    `minimize`.
 
     lagging: normal forces, closest points and tangent planes of friction are those at the beginning of the step
     ("once"); or, in passes, those of where the last pass ended, until they change nothing any more ("converged"). That
@@ -102,7 +105,7 @@ class TimeStepper(InScene):
         time_step: float,
         contact: BarrierContact | None = None,
         *,
-        accelerations: Mapping[Attribute, ArrayLike] | None = None,
+        accelerations: Mapping[Attribute, ArrayLike | Attribute] | None = None,
         settings: NewtonSettings = NewtonSettings(),
         times: TimeTable | None = None,
         arms: Arms | None = None,
@@ -130,10 +133,13 @@ class TimeStepper(InScene):
         self.driven_tolerance = 1e-9
         self.immovable = np.zeros(0 if contact is None else len(contact.positions()), np.bool_)
         self.velocities = [np.zeros((part.position.owner.num_instances, 3)) for part in parts if part.position.owner]
-        self._accelerations = {
-            target: _of_one_instance(acceleration, target) for target, acceleration in (accelerations or {}).items()
-        }
-        self.target_velocities = [np.zeros_like(target.value) for target in scene.minimize_targets]
+        self._accelerations = dict(accelerations or {})
+        for target, acceleration in self._accelerations.items():
+            _of_one_instance(acceleration, target)
+        self._targets: list[Attribute] = []
+        self.target_velocities: list[FloatArray] = []
+        """Of the scene's targets, flat: those of the last step [1/s of the target's unit]."""
+        self._follow_targets()
 
     @property
     def _lock(self) -> SceneLock:
@@ -148,6 +154,7 @@ class TimeStepper(InScene):
         targets then have the last accepted values. Where vertices are driven, nothing has moved after any error.
         """
         dt = self.time_step
+        self._follow_targets()
         here = self._moment(None if self.contact is None else self.contact.start_step())
         origin, effective = self._origin(here)
         if self.effective_step is not None and self.effective_step.value[0] != effective:
@@ -187,6 +194,23 @@ class TimeStepper(InScene):
             return here, BACKWARD_EULER.share * dt
         return weighted(self.integrator.weights, [here, past.start]), self.integrator.share * dt
 
+    def _follow_targets(self) -> None:
+        """Targets may come and go between steps; new ones are at rest."""
+        targets = self.scene.minimize_targets
+        known = dict(zip(self._targets, self.target_velocities, strict=True))
+        self.target_velocities = [
+            known[target]
+            if target in known and known[target].size == target.value.size
+            else np.zeros_like(target.value)
+            for target in targets
+        ]
+        self._targets = list(targets)
+
+    def velocities_of_targets(self) -> Iterator[tuple[Attribute, FloatArray]]:
+        """The scene's targets and their velocities in the last step, flat."""
+        self._follow_targets()
+        return zip(self._targets, self.target_velocities, strict=True)
+
     def _solve(self, old_targets: list[FloatArray], until: float) -> NewtonReport:
         """Moves the targets to the end of the step."""
         if not self.driven:
@@ -195,7 +219,7 @@ class TimeStepper(InScene):
         before = self.save()
         try:
             return Arrival(self, old_targets, until).run()
-        except YaspsError:
+        except BaseException:  # also of a motion that is the user's own
             self.load(before)
             raise
 
@@ -280,8 +304,8 @@ class TimeStepper(InScene):
         dt, flights = self.time_step, []
         for target, old, velocity in zip(self.scene.minimize_targets, old_targets, self.target_velocities, strict=True):
             flight = old + dt * velocity
-            acceleration = self._accelerations.get(target)
-            if falls and acceleration is not None:
+            if falls and target in self._accelerations:
+                acceleration = _of_one_instance(self._accelerations[target], target)
                 flight = flight + dt * dt * np.tile(acceleration, old.size // acceleration.size)
             flights.append(flight)
         return flights

@@ -92,11 +92,11 @@ builtin.module {
       %6 = mat.constant [[0.0, 1.0], [0.0, 0.0]] : 2x2
       %7 = mat.constant [[0.0, 0.0], [1.0, 0.0]] : 2x2
       %8 = mat.constant [[0.0, 0.0], [0.0, 1.0]] : 2x2
-      %9 = mat.constant [[-1.0, 0.0]] : 1x2
-      %10 = mat.constant [[-1.0], [0.0]] : 2x1
-      %11 = mat.constant [[0.0, -1.0]] : 1x2
-      %12 = mat.constant [[0.0], [-1.0]] : 2x1
-      %13 = mat.constant [[-1.0, 0.0, 1.0, 0.0], [0.0, -1.0, 0.0, 1.0]] : 2x4
+      %9 = mat.constant [[-1.0, -0.0]] : 1x2
+      %10 = mat.constant [[-1.0], [-0.0]] : 2x1
+      %11 = mat.constant [[-0.0, -1.0]] : 1x2
+      %12 = mat.constant [[-0.0], [-1.0]] : 2x1
+      %13 = mat.constant [[-1.0, -0.0, 1.0, 0.0], [-0.0, -1.0, 0.0, 1.0]] : 2x4
       %hessian = mat.constant [[1.0, 0.0, -1.0, 0.0], [0.0, 1.0, 0.0, -1.0], [-1.0, 0.0, 1.0, 0.0], [0.0, -1.0, 0.0, 1.0]] : 4x4
       %minus_cut = mat.neg %cut : 1x2
       %14 = mat.embed %cut[1, 0] : 2x2

@@ -35,6 +35,13 @@ CODE, PAIRS, NEAR, MAX, ENTRY, THICK = (
 
 MUTATIONS = (
     Mutation(
+        "ways through half-spaces are free",
+        CODE,
+        "            self.check_free_way(self._accepted, where)",
+        "            self.geometry.check_way(self._accepted, where)",
+        ("tests/simulation/test_bad_input.py::test_what_is_put_through_a_half_space_is_noticed",),
+    ),
+    Mutation(
         "the barrier has one gap too few",
         BARRIER,
         "return scale * gap * gap * ratio * ratio",
@@ -43,7 +50,7 @@ MUTATIONS = (
     ),
     Mutation(
         "the reach is not squared",
-        CODE,
+        "yasps/contact/contact_parts.py",
         "value=distance**2)",
         "value=distance)",
         IPCTK,

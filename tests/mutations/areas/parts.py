@@ -77,7 +77,7 @@ MUTATIONS = (
     ),
     Mutation(
         "a state is without the base rotation",
-        "yasps/simulation.py",
+        "yasps/simulation/simulation.py",
         '            one.update_value(state[f"history/{one.path}"])\n',
         "            pass\n",
         (f"{RIGID}::test_a_state_has_the_base_rotation",),

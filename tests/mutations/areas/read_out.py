@@ -18,6 +18,20 @@ THICK = (f"{START}::test_bodies_thicker_than_their_distance_are_parted",)
 
 MUTATIONS = (
     Mutation(
+        "pairs that rub have all of their radii",
+        FORCES,
+        'offset = offset * pairs.primitive["share"].value',
+        "offset = offset * 1.0",
+        ("tests/contact/test_contact_forces.py::test_pairs_rub_at_the_gap_at_which_they_push",),
+    ),
+    Mutation(
+        "moving obstacles may be sunk in what stands still",
+        STATE,
+        "fixed=np.repeat([body.stands_still for body in self.bodies], counts),",
+        "fixed=np.repeat([body.is_fixed for body in self.bodies], counts),",
+        (f"{START}::test_a_moving_obstacle_has_to_be_apart_from_all_that_stands_still",),
+    ),
+    Mutation(
         "closest points turn with nothing",
         PAIRS,
         "moved = slopes.T[None, :, :, None] * way[:, None, None] + ",

@@ -12,6 +12,8 @@ FORCES = "tests/stepping/test_forces.py"
 FIXED = ("tests/frontend/execution/test_fixed_unknowns.py::test_the_solution_is_that_of_the_reduced_system",)
 DRIVEN = "tests/simulation/test_driven.py"
 RESCUE = "tests/simulation/test_rescue.py"
+BAD_INPUT = "tests/simulation/test_bad_input.py"
+SIMULATION = "tests/simulation/test_simulation.py"
 CODE = "yasps/stepping/newton.py"
 INTEGRATORS = "yasps/stepping/integrators.py"
 BDF = "tests/stepping/test_integrators.py"
@@ -199,9 +201,51 @@ MUTATIONS = (
     Mutation(
         "the first half of a failed step stays",
         "yasps/stepping/rescue.py",
-        "    except YaspsError:\n        stepper.load(before)\n        raise\n    finally:",
+        "    except BaseException:\n        stepper.load(before)\n        raise\n    finally:",
         "    finally:",
         (f"{RESCUE}::test_a_second_half_that_fails_takes_the_first_back",),
+    ),
+    Mutation(
+        "a motion that raises leaves the first half of its step",
+        "yasps/stepping/rescue.py",
+        "    except BaseException:\n        stepper.load(before)\n        raise\n    finally:",
+        "    except ValueError:\n        stepper.load(before)\n        raise\n    finally:",
+        (f"{BAD_INPUT}::test_a_motion_that_fails_moves_nothing",),
+    ),
+    Mutation(
+        "another time step is one of the scene alone",
+        "yasps/simulation/simulation.py",
+        "if seconds != self.stepper.time_step:",
+        "if False:",
+        (f"{SIMULATION}::test_the_time_step_and_gravity_may_change_between_steps",),
+    ),
+    Mutation(
+        "forces are read with the time step of the next step",
+        "yasps/simulation/simulation.py",
+        "effective_step=self.effective_step,\n            )",
+        "effective_step=self.time_step,\n            )",
+        (f"{RESCUE}::test_forces_that_are_read_are_those_of_the_last_part",),
+    ),
+    Mutation(
+        "first guesses fall as at the beginning",
+        "yasps/simulation/simulation.py",
+        "target: self.gravity for body",
+        "target: self.gravity.value for body",
+        (f"{SIMULATION}::test_the_time_step_and_gravity_may_change_between_steps",),
+    ),
+    Mutation(
+        "targets of one's own have no velocity",
+        EULER,
+        "        dt = self.time_step\n        self._follow_targets()",
+        "        dt = self.time_step",
+        (f"{SIMULATION}::test_targets_of_ones_own_come_and_go_between_steps",),
+    ),
+    Mutation(
+        "with friction Newton's method stops by speed alone",
+        "yasps/simulation/contact_of_bodies.py",
+        "max_iterations=500, relative_force_tolerance=FRICTION_BALANCE)",
+        "max_iterations=500)",
+        ("tests/simulation/test_friction_steps.py::test_forces_balance_in_every_step",),
     ),
     Mutation(
         "the time step stays halved",
