@@ -79,6 +79,7 @@ def test_values() -> None:
         assert value == pytest.approx(expected, rel=1e-12, abs=1e-12), name
 
 
+@pytest.mark.nightly
 def test_derivatives() -> None:
     """Of their sum, at frames that are not aligned."""
     scene, pairs, energies = frames(turned(TURN, 0.2))

@@ -14,6 +14,7 @@ from yasps.backend.reference.interpreter import Interpreter
 STEP = 1e-30
 
 
+@pytest.mark.nightly  # it compiles all of them
 def test_an_energy_of_positions_has_exact_derivatives() -> None:
     """Gradient against complex steps of the formulas in NumPy, Hessian against complex steps of the gradient in the
     interpreter of the IR."""

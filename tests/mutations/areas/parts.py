@@ -15,7 +15,46 @@ JOINT_ENERGIES = "yasps/materials/joints.py"
 JOINT_VALUES = ("tests/materials/test_joint_energies.py::test_values",)
 LINKAGE = ("tests/bodies/test_joints.py::test_a_four_bar_linkage_follows_its_closed_form_through_a_whole_turn",)
 
+KINDS = "yasps/meshes/element_kinds.py"
+ELEMENT_MESH = "yasps/meshes/element_mesh.py"
+ELEMENTS = "tests/meshes/test_element_mesh.py"
+
 MUTATIONS = (
+    Mutation(
+        "masses are lumped by sums of rows",
+        KINDS,
+        "np.array([1 / 36] * 4 + [4 / 27] * 6)",
+        "np.array([-1 / 20] * 4 + [1 / 5] * 6)",
+        (f"{ELEMENTS}::test_masses_are_the_scaled_diagonal_of_the_consistent_matrix",),
+    ),
+    Mutation(
+        "nodes in the middle of sides stand in another order",
+        KINDS,
+        "TET_SIDES = ((0, 1), (1, 2), (2, 0), (0, 3), (1, 3), (2, 3))",
+        "TET_SIDES = ((0, 1), (0, 2), (0, 3), (1, 2), (1, 3), (2, 3))",
+        (f"{ELEMENTS}::test_slopes_differentiate_what_the_kind_can_represent",),
+    ),
+    Mutation(
+        "gradients are by the transposed Jacobian",
+        ELEMENT_MESH,
+        '"qnd,mqde->mqne", slopes, np.linalg.inv(by_local)',
+        '"qnd,mqed->mqne", slopes, np.linalg.inv(by_local)',
+        (f"{ELEMENTS}::test_an_affine_map_has_its_matrix_at_every_point",),
+    ),
+    Mutation(
+        "half of a quadrilateral looks inwards",
+        ELEMENT_MESH,
+        "turned[:, [[0, 1, 2], [0, 2, 3]]]",
+        "turned[:, [[0, 1, 2], [0, 3, 2]]]",
+        (f"{ELEMENTS}::test_surfaces_are_closed_and_look_outwards",),
+    ),
+    Mutation(
+        "Gauss points have the weights of others",
+        ELEMENT_MESH,
+        "(size * kind.weights).reshape(-1)",
+        "(size * kind.weights).T.reshape(-1)",
+        ("tests/bodies/test_elements.py::test_the_patch_test_is_exact",),
+    ),
     Mutation(
         "a slider leaves one direction free",
         JOINT_ENERGIES,
