@@ -65,7 +65,7 @@ class Everything:
         self.glue = joints.fixed(self.first, self.second, (6.05, 0.0, 0.0), K, name="glue")
         options = {"contact": False, "settings": TIGHT, "time_step": 0.02}
         self.simulation = Simulation(scene, bodies, gravity=(0.0, 0.0, -G), **options)
-        self.simulation.before_step.append(joints.start_step)
+        self.simulation.attach(joints)
 
 
 @pytest.mark.nightly
@@ -113,7 +113,7 @@ def test_the_torque_of_a_motor_is_limited() -> None:
     hinge = joints.hinge(None, arm, (0.0, 0.0, 0.0), (0.0, 1.0, 0.0), K)
     hinge.drive(-1.0, 1e3, torque=1.0)
     simulation = Simulation(scene, [arm], contact=False, settings=TIGHT, time_step=0.05)
-    simulation.before_step.append(joints.start_step)
+    simulation.attach(joints)
     for _ in range(500):
         simulation.step()
     assert np.cos(hinge.angle()) == pytest.approx(1.0 / (mass_of(arm) * G * 0.2), rel=1e-3)
@@ -164,7 +164,7 @@ def four_bars() -> tuple[Simulation, Joints, Hinge, Hinge]:
     joints.hinge(coupler, swing, c, axis, 1e9)
     last = joints.hinge(None, swing, d, axis, 1e9)
     simulation = Simulation(scene, bodies, contact=False, gravity=NO_GRAVITY, time_step=0.02, settings=TIGHT)
-    simulation.before_step.append(joints.start_step)
+    simulation.attach(joints)
     return simulation, joints, first, last
 
 
@@ -260,3 +260,19 @@ def test_what_no_joint_can_be() -> None:
         hinge.limit(1.0, -1.0, 1.0)
     with pytest.raises(SceneError, match="the motor of hinge 1"):
         hinge.drive(1.0, -1.0)
+
+
+def test_a_state_has_the_turns_of_hinges() -> None:
+    """Restored after most of a turn, the angle goes on from there."""
+    first, _, hinge, _ = four_bars()
+    for aim in np.linspace(0.0, 5.0, 40)[1:]:
+        hinge.drive(float(aim), 1e7)
+        first.step()
+    state, angle = first.state(), hinge.angle()
+    assert angle == pytest.approx(5.0, abs=1e-2)
+    second, _, other, _ = four_bars()
+    other.drive(5.0, 1e7)
+    second._set_state(state)
+    assert other.angle() == pytest.approx(angle, abs=1e-12)
+    second.step()
+    assert other.angle() == pytest.approx(5.0, abs=2e-2)

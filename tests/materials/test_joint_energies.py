@@ -40,26 +40,25 @@ ENERGIES: dict[str, tuple[Callable[[Attribute, Attribute], Attribute], float]] =
         1.5 * float(((turned(TURN) - FIRST)[3] ** 2).sum()),
     ),
     "on the axis": (lambda e, f: materials.on_the_axis(e, f, 5.0), 2.5 * off_axis()),
-    "elastic link": (lambda e, f: materials.elastic_link(e, f, 0.3, 11.0), 5.5 * (WAY - 0.3) ** 2),
-    "motor": (lambda e, f: materials.motor(materials.hinge_angle(e, f, 0.0), 2.0, 3.0, 1.0), 1.5 * (TURN - 2.0) ** 2),
+    "motor": (lambda e, f: materials.motor(materials.joint_angle(e, f, 0.0), 2.0, 3.0, 1.0), 1.5 * (TURN - 2.0) ** 2),
     "motor at its limit": (
-        lambda e, f: materials.motor(materials.hinge_angle(e, f, 0.0), 1.0, 3.0, 1.0),
+        lambda e, f: materials.motor(materials.joint_angle(e, f, 0.0), 1.0, 3.0, 1.0),
         (TURN - 1.0) - 1.0 / 6.0,
     ),
     "motor after a whole turn": (
-        lambda e, f: materials.motor(materials.hinge_angle(e, f, 7.0), 8.0, 3.0, 9.0),
+        lambda e, f: materials.motor(materials.joint_angle(e, f, 7.0), 8.0, 3.0, 9.0),
         1.5 * (TURN + 2 * np.pi - 8.0) ** 2,
     ),
-    "no motor": (lambda e, f: materials.motor(materials.hinge_angle(e, f, 0.0), 1.0, 0.0, 1.0), 0.0),
+    "no motor": (lambda e, f: materials.motor(materials.joint_angle(e, f, 0.0), 1.0, 0.0, 1.0), 0.0),
     "above its limits": (
-        lambda e, f: materials.angle_limits(materials.hinge_angle(e, f, 0.0), -1.0, 2.0, 4.0),
+        lambda e, f: materials.angle_limits(materials.joint_angle(e, f, 0.0), -1.0, 2.0, 4.0),
         4 / 3 * (TURN - 2.0) ** 3,
     ),
     "below its limits": (
-        lambda e, f: materials.angle_limits(materials.hinge_angle(e, f, 0.0), 2.5, 3.0, 4.0),
+        lambda e, f: materials.angle_limits(materials.joint_angle(e, f, 0.0), 2.5, 3.0, 4.0),
         4 / 3 * (2.5 - TURN) ** 3,
     ),
-    "within its limits": (lambda e, f: materials.angle_limits(materials.hinge_angle(e, f, 0.0), 0.0, 3.0, 4.0), 0.0),
+    "within its limits": (lambda e, f: materials.angle_limits(materials.joint_angle(e, f, 0.0), 0.0, 3.0, 4.0), 0.0),
 }
 
 

@@ -13,11 +13,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from yasps import Attribute, Primitive, Scene, SceneError, materials
+from yasps import Attribute, Primitive, Scene, SceneError, concat_rows, materials
 from yasps.bodies.body import Body
 from yasps.bodies.material_frames import checked_vector, material_frame, right_handed
 from yasps.frontend.language.arrays import positive_number
-from yasps.meshes.tetrahedral_mesh import Float64Array
+from yasps.meshes.tetrahedral_mesh import Float64Array, Int32Array
 
 WORLD = np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]])
 """Points that never move."""
@@ -47,7 +47,6 @@ class _Frames:
         self.primitive: Primitive = joints.mesh.add_primitive(name, 0, is_dynamic=True)
         self.frames = (self._frame(joints, "first"), self._frame(joints, "second"))
         self.numbers = {name: self.primitive.add_constant(name, rows, 1) for name, rows in constants}
-        self.rows: list[Row] = []
 
     def _frame(self, joints: Joints, side: str) -> Attribute:
         corners = self.primitive.add_connectivity(side, joints.vertices, [], 4)
@@ -57,16 +56,27 @@ class _Frames:
 
     def add(self, row: Row) -> int:
         """One more; its number."""
-        rows = [*self.rows, row]
-        self.primitive.update(**{name: np.array([one[name] for one in rows]) for name in row})
-        self.rows = rows
-        return len(rows) - 1
+        count = self.primitive.num_instances
+        self.primitive.update(**{name: np.vstack([self._all(name), np.reshape(row[name], (1, -1))]) for name in row})
+        return count
+
+    def _all(self, name: str) -> Float64Array | Int32Array:
+        """Numbers of all so far, a row each."""
+        if name in {"first", "second"}:
+            return self.primitive.connectivities[name].indices.reshape(-1, 4)
+        count, size = self.primitive.num_instances, self.primitive[name].shape
+        return self.primitive[name].value.reshape(count, size[0] * size[1])
+
+    def number(self, name: str, which: int) -> float:
+        """A number of one."""
+        return float(self.numbers[name].value[which])
 
     def set(self, number: int, **values: float) -> None:
         """Other numbers of one."""
         for name, value in values.items():
-            self.rows[number][name] = value
-            self.numbers[name].update_value([row[name] for row in self.rows])
+            numbers = self.numbers[name].value
+            numbers[number] = value
+            self.numbers[name].update_value(numbers)
 
     def values(self) -> Float64Array:
         """Both frames of each now, [n, 2, 4, 3]."""
@@ -87,14 +97,13 @@ class Joint:
     def residual(self) -> Residual:
         """How far it is from what it is for, now."""
         first, second = self.frames.values()[self.number]
-        way, row = second[0] - first[0], self.frames.rows[self.number]
-        stiffness = float(row["stiffness"])
+        way, stiffness = second[0] - first[0], self.frames.number("stiffness", self.number)
         if self.kind == "spring":
-            gap = abs(float(np.linalg.norm(way)) - float(row["length"]))
+            gap = abs(float(np.linalg.norm(way)) - self.frames.number("length", self.number))
             return Residual(self.name, gap, 0.0, stiffness * gap)
         if self.kind == "slider":
             way = way - (way @ first[1]) * first[1]
-        kept = np.asarray(row["alignment"]) > 0
+        kept = self.frames.numbers["alignment"].compute().array[self.number, :, 0] > 0
         e, f = (one[1:][kept] / np.linalg.norm(one[1:][kept], axis=1, keepdims=True) for one in (first, second))
         angles = np.arctan2(np.linalg.norm(np.cross(e, f), axis=1), (e * f).sum(axis=1))
         gap = float(np.linalg.norm(way))
@@ -106,7 +115,7 @@ class Hinge(Joint):
 
     def angle(self) -> float:
         """By which the second body has turned against the first one since the joint was made [rad], whole turns
-        included if `Joints.start_step` is called before every step."""
+        included if the joints are attached to the simulation."""
         return self.joints._angle(self)
 
     def drive(self, aim: float, stiffness: float, torque: float = UNLIMITED) -> None:
@@ -127,12 +136,18 @@ class Hinge(Joint):
         self.joints._turn(self, least=least, most=most, limit=stiffness)
 
 
+def _origins(frames: _Frames) -> Attribute:
+    """Of both frames, 2x3."""
+    first, second = frames.frames
+    return concat_rows([first.row(0), second.row(0)])
+
+
 class Joints:
     """All joints of some bodies, as one mesh of the scene.
 
     `vertices`: the union of the bodies' vertices and of the `world`. Primitives `links` (points, hinges, fixed joints),
     `sliders`, `springs` and `turns` (motors and limits of hinges) come with the first of their kind, each with its
-    energies; one more of a kind compiles nothing. In a simulation, `simulation.before_step.append(joints.start_step)`.
+    energies; one more of a kind compiles nothing. `simulation.attach(joints)` lets angles count whole turns.
 
     Joints are springs, whose gap is the force over the stiffness: `residuals` says it. A stiffness of 1e4 times the
     mass over the squared time step leaves gravity a gap of g dt^2 / 1e4. Such systems are for `solver="direct"`.
@@ -153,7 +168,6 @@ class Joints:
         self.all: list[Joint] = []
         self._kinds: dict[str, _Frames] = {}
         self._turns: dict[Hinge, int] = {}
-        self._references: dict[Hinge, float] = {}
 
     # -- kinds ---------------------------------------------------------------------------------------------
 
@@ -238,7 +252,7 @@ class Joints:
             frames = self._kinds["springs"] = _Frames(self, "springs", (("stiffness", 1), ("length", 1)))
             numbers = frames.numbers
             self._register(
-                frames, "stretched", materials.elastic_link(*frames.frames, numbers["length"], numbers["stiffness"])
+                frames, "stretched", materials.spring(_origins(frames), numbers["length"], numbers["stiffness"])
             )
         return self._made("spring", frames, row, name)
 
@@ -268,10 +282,13 @@ class Joints:
         share = 0.5 if sum(kept) == 3 else 1.0
         row = self._pair(*bodies, [origin, origin], vectors)
         row |= {"stiffness": held, "alignment": share * alignment * np.array(kept, np.float64)}
+        row |= {"reference": 0.0}
         primitive = "sliders" if kind == "slider" else "links"
         frames = self._kinds.get(primitive)
         if frames is None:
-            frames = self._kinds[primitive] = _Frames(self, primitive, (("stiffness", 1), ("alignment", 3)))
+            frames = self._kinds[primitive] = _Frames(
+                self, primitive, (("stiffness", 1), ("alignment", 3), ("reference", 1))
+            )
             numbers = frames.numbers
             energy = materials.on_the_axis if kind == "slider" else materials.held_together
             self._register(frames, "held", energy(*frames.frames, numbers["stiffness"]))
@@ -286,8 +303,6 @@ class Joints:
             self, name or f"{kind} {len(self.all)}", kind, frames, frames.add(row), row
         )
         self.all.append(joint)
-        if isinstance(joint, Hinge):
-            self._references[joint] = 0.0
         return joint
 
     def _pair(
@@ -318,32 +333,43 @@ class Joints:
             names = ("reference", "aim", "drive", "torque", "least", "most", "limit")
             frames = self._kinds["turns"] = _Frames(self, "turns", [(name, 1) for name in names])
             n = frames.numbers
-            angle = materials.hinge_angle(*frames.frames, n["reference"])
+            angle = materials.joint_angle(*frames.frames, n["reference"])
             self._register(frames, "driven", materials.motor(angle, n["aim"], n["drive"], n["torque"]))
             self._register(frames, "limited", materials.angle_limits(angle, n["least"], n["most"], n["limit"]))
         if hinge not in self._turns:
             ends = {name: hinge.pair[name] for name in ("first", "second", "first_weights", "second_weights")}
-            still = {"reference": self._references[hinge], "aim": 0.0, "drive": 0.0, "torque": UNLIMITED}
+            still = {
+                "reference": hinge.frames.number("reference", hinge.number),
+                "aim": 0.0,
+                "drive": 0.0,
+                "torque": UNLIMITED,
+            }
             free = {"least": -UNLIMITED, "most": UNLIMITED, "limit": 0.0}
             self._turns[hinge] = frames.add({**ends, **still, **free, **values})
         else:
             frames.set(self._turns[hinge], **values)
 
     def _angle(self, hinge: Hinge) -> float:
-        """As `materials.hinge_angle` has it."""
+        """As `materials.joint_angle` has it."""
         (_, _, e2, e3), (_, _, f2, f3) = hinge.frames.values()[hinge.number]
         turned = float(np.arctan2(e3 @ f2 - e2 @ f3, e2 @ f2 + e3 @ f3))
-        reference = self._references[hinge]
+        reference = hinge.frames.number("reference", hinge.number)
         return reference + float(np.remainder(turned - reference + np.pi, 2 * np.pi)) - np.pi
 
     # -- what there is -------------------------------------------------------------------------------------
 
-    def start_step(self, _simulation: object = None) -> None:
+    @property
+    def history(self) -> tuple[Attribute, ...]:
+        """From where angles count: a part of the state of a simulation."""
+        return tuple(kind.numbers["reference"] for kind in self._kinds.values() if "reference" in kind.numbers)
+
+    def start_step(self) -> None:
         """Before every step: angles count on from where they are, beyond a half turn too."""
-        for hinge in self._references:
-            self._references[hinge] = hinge.angle()
+        for hinge in self.all:
+            if isinstance(hinge, Hinge):
+                hinge.frames.set(hinge.number, reference=hinge.angle())
         for hinge, number in self._turns.items():
-            self._kinds["turns"].set(number, reference=self._references[hinge])
+            self._kinds["turns"].set(number, reference=hinge.frames.number("reference", hinge.number))
 
     def residuals(self) -> list[Residual]:
         """Of all joints, in the order in which they were made."""

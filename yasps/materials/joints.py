@@ -40,15 +40,7 @@ def on_the_axis(first: Attribute, second: Attribute, stiffness: Scalar) -> Attri
     return 0.5 * as_attribute(stiffness) * (across * across + other * other)
 
 
-def elastic_link(first: Attribute, second: Attribute, length: Scalar, stiffness: Scalar) -> Attribute:
-    """Energy [J] of a spring between two origins: k/2 (|o_2 - o_1| - L)^2. length L [m], stiffness k [N/m].
-
-    Origins must not meet unless L is 0: there the direction of its force is unknown."""
-    stretch = (second.row(0) - first.row(0)).norm() - as_attribute(length)
-    return 0.5 * as_attribute(stiffness) * stretch * stretch
-
-
-def hinge_angle(first: Attribute, second: Attribute, reference: Scalar) -> Attribute:
+def joint_angle(first: Attribute, second: Attribute, reference: Scalar) -> Attribute:
     """Angle [rad] by which the second frame is turned against the first one about the axis, counter-clockwise seen
     against it: within pi of the reference, a constant, so that a reference that follows counts whole turns.
 

@@ -9,11 +9,12 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from yasps import Attribute, Scene, SceneError, YaspsError, materials
+from yasps import Attribute, Scene, SceneError, ShapeMismatchError, YaspsError, materials
 from yasps.bodies import Body, MovingObstacle
 from yasps.contact import BarrierContact, ContactForces, ContactTable, check_start, contact_forces
 from yasps.frontend.language.arrays import checked_count, in_instances, positive_number, real_numbers
@@ -27,6 +28,7 @@ from yasps.simulation.frames import Recorder, run_frames
 from yasps.simulation.state_files import PAST, read_state, write_state
 from yasps.stepping import (
     BACKWARD_EULER,
+    Carried,
     DrivenVertices,
     Integrator,
     MovingPart,
@@ -41,6 +43,17 @@ from yasps.stepping import (
     step_or_halves,
     step_report,
 )
+
+
+class Companion(Protocol):
+    """What has a history: bodies, joints, something of a user's own."""
+
+    @property
+    def history(self) -> tuple[Attribute, ...]:
+        """Stored constants that `start_step` sets."""
+
+    def start_step(self) -> None:
+        """Before every step; moves no vertex."""
 
 
 class Simulation:
@@ -119,6 +132,8 @@ class Simulation:
         self.effective_step = scene.add_constant("effective_step", 1, 1, value=time_step)
         self.gravity = scene.add_constant("gravity", 3, 1, value=gravity)
         self.driven = DrivenBodies(scene, self.time_step)
+        self._companions: list[Companion] = []
+        self._carried: list[Carried] = []
         for body in chosen:
             self._take(body)
         self._connect(start)
@@ -237,6 +252,7 @@ class Simulation:
         )
         self.stepper.time = now
         self.stepper.driven = self.driven.all
+        self.stepper.carried = self._carried
         self.stepper.driven_tolerance = 1e-6 * self.activation_distance
         if self.contact is not None:
             self.stepper.immovable = stands_still(self.bodies)
@@ -316,6 +332,27 @@ class Simulation:
             raise SceneError(f"{body.name} is fixed: a force does nothing to it")
         return self._forces.add(body, force, name)
 
+    def attach(self, companion: Companion) -> None:
+        """Something that goes along with the bodies, such as `Joints`: its `start_step` is called before every step,
+        and the constants of its `history` belong to the state."""
+        if companion not in self._companions:
+            self._companions.append(companion)
+
+    def carry(self, constant: Attribute, attribute: Attribute) -> None:
+        """Sets a stored constant at the beginning of every step so that (attribute - constant) / effective_step is the
+        rate of an attribute at the end of the step: for damping. Raises ShapeMismatchError, SceneError."""
+        if constant.owner is not attribute.owner or constant.shape != attribute.shape:
+            raise ShapeMismatchError(
+                f"what is carried has a constant of its own primitive and shape: {attribute.path} is {attribute.shape},"
+                f" {constant.path} {constant.shape}"
+            )
+        constant.update_value(attribute.value)
+        self._carried.append(Carried(constant, attribute))
+
+    @property
+    def _with_history(self) -> list[Companion]:
+        return [*self.bodies, *self._companions]
+
     # -- steps ---------------------------------------------------------------------------------------------
 
     @property
@@ -341,8 +378,8 @@ class Simulation:
         """
         for call in self.before_step:
             call(self)
-        for body in self.bodies:
-            body.start_step()
+        for one in self._with_history:
+            one.start_step()
         before = self.state()
         seconds = positive_number(self.time_step.value[0], "time_step", "s", SceneError)
         if seconds != self.stepper.time_step:
@@ -412,7 +449,7 @@ class Simulation:
         """All that the next step depends on apart from the scene itself, by name."""
         numbers = {f"target/{target.path}": target.value for target in self.scene.minimize_targets}
         numbers |= {f"target_velocity/{target.path}": v.copy() for target, v in self.stepper.velocities_of_targets()}
-        numbers |= {f"history/{one.path}": one.value for body in self.bodies for one in body.history}
+        numbers |= {f"history/{one.path}": one.value for owner in self._with_history for one in owner.history}
         if (past := self.stepper.past) is not None:
             numbers |= {f"{PAST}{name}": value for name, value in past.start_numbers().items()}
         numbers |= {f"velocity/{body.name}": self.velocity_of(body) for body in self.moving}
@@ -434,7 +471,7 @@ class Simulation:
     def _set_state(self, state: Mapping[str, Float64Array]) -> None:
         for target in self.scene.minimize_targets:
             target.update_value(state[f"target/{target.path}"])
-        for one in (one for body in self.bodies for one in body.history):
+        for one in (one for owner in self._with_history for one in owner.history):
             one.update_value(state[f"history/{one.path}"])
         for number, body in enumerate(self.moving):
             self.stepper.velocities[number] = np.array(state[f"velocity/{body.name}"])

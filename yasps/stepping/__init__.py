@@ -3,7 +3,7 @@
 from yasps.stepping.anchors import Anchors, Pins
 from yasps.stepping.driven import Driven, DrivenSurface, DrivenVertices, Prescribed
 from yasps.stepping.forces import forces_by_term
-from yasps.stepping.integrators import BACKWARD_EULER, BDF2, Integrator, checked_integrator
+from yasps.stepping.integrators import BACKWARD_EULER, BDF2, Carried, Integrator, checked_integrator
 from yasps.stepping.motion import Motion, positions_of
 from yasps.stepping.newton import minimize
 from yasps.stepping.quasi_static import LoadStep, quasi_static
@@ -17,6 +17,7 @@ __all__ = [
     "BDF2",
     "LAGGING",
     "Anchors",
+    "Carried",
     "Driven",
     "DrivenSurface",
     "DrivenVertices",

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from yasps import FloatArray, SceneError
+from yasps import Attribute, FloatArray, SceneError
 
 ROUNDING = 64 * np.finfo(np.float64).eps
 """Relative difference of positions that are the same but for rounding."""
@@ -45,11 +45,12 @@ def checked_integrator(given: object) -> Integrator:
 @dataclass(frozen=True)
 class Moment:
     """Where a stepper's parts are, and how fast: positions [m] and velocities [m/s] of each, [n, 3]; `surface`: from
-    where slips of contact count [m], [n, 3]."""
+    where slips of contact count [m], [n, 3]; `carried`: values of what is carried along, flat."""
 
     positions: list[FloatArray]
     velocities: list[FloatArray]
     surface: FloatArray | None
+    carried: list[FloatArray]
 
     def continues(self, other: Moment) -> bool:
         """Whether nobody has changed anything since the other moment, but for rounding."""
@@ -74,7 +75,17 @@ def weighted(weights: Sequence[float], moments: Sequence[Moment]) -> Moment:
         [add(arrays) for arrays in zip(*(moment.positions for moment in moments), strict=True)],
         [add(arrays) for arrays in zip(*(moment.velocities for moment in moments), strict=True)],
         add(surfaces) if len(surfaces) == len(moments) else None,
+        [add(arrays) for arrays in zip(*(moment.carried for moment in moments), strict=True)],
     )
+
+
+@dataclass(frozen=True)
+class Carried:
+    """Something whose rate energies read: `constant` is set at the beginning of each step so that (attribute -
+    constant) / effective step is the rate at its end. For backward Euler that is the attribute there."""
+
+    constant: Attribute
+    attribute: Attribute
 
 
 @dataclass(frozen=True)
@@ -89,6 +100,7 @@ class Past:
         """All but the end, by name."""
         numbers = {f"position/{k}": x.copy() for k, x in enumerate(self.start.positions)}
         numbers |= {f"velocity/{k}": v.copy() for k, v in enumerate(self.start.velocities)}
+        numbers |= {f"carried/{k}": value.copy() for k, value in enumerate(self.start.carried)}
         if self.start.surface is not None:
             numbers["surface"] = self.start.surface.copy()
         return numbers | {"time_step": np.array(self.time_step)}
@@ -96,11 +108,13 @@ class Past:
     @classmethod
     def of_numbers(cls, numbers: Mapping[str, FloatArray], end: Moment) -> Past | None:
         """From `start_numbers`; None if there are none, or they are not of such parts."""
-        count = range(len(end.positions))
+        count, carried = range(len(end.positions)), range(len(end.carried))
         shapes = {f"position/{k}": end.positions[k].shape for k in count}
         shapes |= {f"velocity/{k}": end.velocities[k].shape for k in count}
+        shapes |= {f"carried/{k}": end.carried[k].shape for k in carried}
         shapes |= {"time_step": ()} | ({} if end.surface is None else {"surface": end.surface.shape})
         if {name: x.shape for name, x in numbers.items()} != shapes:
             return None
         positions, velocities = ([numbers[f"{name}/{k}"] for k in count] for name in ("position", "velocity"))
-        return cls(Moment(positions, velocities, numbers.get("surface")), end, float(numbers["time_step"]))
+        start = Moment(positions, velocities, numbers.get("surface"), [numbers[f"carried/{k}"] for k in carried])
+        return cls(start, end, float(numbers["time_step"]))

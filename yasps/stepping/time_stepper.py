@@ -19,7 +19,7 @@ from yasps.output import TimeTable
 from yasps.stepping.arrival import Arrival
 from yasps.stepping.driven import Driven
 from yasps.stepping.forces import Arms, ForceMeasure, checked_arms
-from yasps.stepping.integrators import BACKWARD_EULER, Integrator, Moment, Past, checked_integrator, weighted
+from yasps.stepping.integrators import BACKWARD_EULER, Carried, Integrator, Moment, Past, checked_integrator, weighted
 from yasps.stepping.motion import Motion, positions_of
 from yasps.stepping.newton import minimize
 from yasps.stepping.settings import NewtonReport, NewtonSettings
@@ -53,6 +53,7 @@ class StepperState:
     driven: list[tuple[Any, ...]]
     contact: ContactPast | None
     effective_step: FloatArray | None
+    carried: list[FloatArray]
     past: Past | None
     time: float
 
@@ -128,6 +129,7 @@ class TimeStepper(InScene):
         self.integrator = integrator
         self.effective_step = effective_step
         self.past: Past | None = None
+        self.carried: list[Carried] = []
         self.time = 0.0
         self.driven: list[Driven] = []
         self.driven_tolerance = 1e-9
@@ -163,6 +165,8 @@ class TimeStepper(InScene):
             self.contact.count_slips_from(origin.surface)
         for part, x, v in zip(self.parts, origin.positions, origin.velocities, strict=True):
             part.predicted.update_value(x + effective * v)
+        for carried, value in zip(self.carried, origin.carried, strict=True):
+            carried.constant.update_value(value)
         old_targets = Motion(self.scene).start
         report = self._solve(old_targets, self.time + dt if until is None else until)
         for k, (part, x) in enumerate(zip(self.parts, origin.positions, strict=True)):
@@ -178,7 +182,10 @@ class TimeStepper(InScene):
     def _moment(self, surface: FloatArray | None) -> Moment:
         """Positions and velocities as they are now."""
         return Moment(
-            [positions_of([part.position]) for part in self.parts], [v.copy() for v in self.velocities], surface
+            [positions_of([part.position]) for part in self.parts],
+            [v.copy() for v in self.velocities],
+            surface,
+            [one.attribute.value for one in self.carried],
         )
 
     def remember(self, numbers: Mapping[str, FloatArray]) -> None:
@@ -190,7 +197,8 @@ class TimeStepper(InScene):
         """X and V of the step that begins here, and its effective step [s]; those of backward Euler where nobody can
         tell what was before: at first, and after a change."""
         past, dt = self.past, self.time_step
-        if past is None or past.time_step != dt or not here.continues(past.end):
+        known = past is not None and past.time_step == dt and len(past.start.carried) == len(here.carried)
+        if past is None or not known or not here.continues(past.end):
             return here, BACKWARD_EULER.share * dt
         return weighted(self.integrator.weights, [here, past.start]), self.integrator.share * dt
 
@@ -319,6 +327,7 @@ class TimeStepper(InScene):
             [one.save() for one in self.driven],
             None if self.contact is None else self.contact.save(),
             None if self.effective_step is None else self.effective_step.value,
+            [one.constant.value for one in self.carried],
             self.past,
             self.time,
         )
@@ -332,6 +341,8 @@ class TimeStepper(InScene):
             one.load(saved)
         if self.effective_step is not None and state.effective_step is not None:
             self.effective_step.update_value(state.effective_step)
+        for one_carried, value in zip(self.carried, state.carried, strict=True):
+            one_carried.constant.update_value(value)
         self.past, self.time = state.past, state.time
         if self.contact is not None and state.contact is not None:
             self.contact.load(state.contact)

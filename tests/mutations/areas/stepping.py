@@ -299,15 +299,15 @@ MUTATIONS = (
     Mutation(
         "BDF2 goes on after a change",
         EULER,
-        " or not here.continues(past.end):",
-        ":",
+        " or not known or not here.continues(past.end):",
+        " or not known:",
         (f"{BDF}::test_the_first_step_and_those_after_a_change_are_of_backward_euler",),
     ),
     Mutation(
         "BDF2 goes on with another time step",
         EULER,
-        "past is None or past.time_step != dt or",
-        "past is None or",
+        "past is not None and past.time_step == dt and len",
+        "past is not None and len",
         (f"{BDF}::test_a_step_that_failed_leaves_what_bdf2_remembers",),
     ),
     Mutation(
@@ -323,6 +323,13 @@ MUTATIONS = (
         "            self.contact.count_slips_from(origin.surface)\n",
         "            pass\n",
         ("tests/scenes/test_sliding.py::test_bdf2_slides_by_its_own_recurrence_and_creeps_at_the_same_speed",),
+    ),
+    Mutation(
+        "rates count from the beginning of the step",
+        EULER,
+        "zip(self.carried, origin.carried, strict=True)",
+        "zip(self.carried, here.carried, strict=True)",
+        ("tests/scenes/test_damped_bar.py::test_what_is_carried_is_where_the_rate_counts_from",),
     ),
     Mutation(
         "a load step that failed leaves the load",
