@@ -18,6 +18,8 @@ from yasps.passes.pipeline import run_pipeline
 
 IN_EVERY_RUN = ("neo_hookean_membrane",)
 """Whose machine code is compiled in every run; that of the others, which needs a second or two each, every night."""
+LONG = ("rod_material_bending",)
+"""Whose derivatives take two seconds, and are made as those of another are."""
 
 
 def named(parts: list[Part]) -> pytest.MarkDecorator:
@@ -75,7 +77,9 @@ def close(found: Batch, wanted: Batch, digits: float) -> None:
     assert (np.abs(found - wanted) <= digits * scale).all()
 
 
-@named(list(PARTS))
+@pytest.mark.parametrize(
+    "part", [pytest.param(p, marks=pytest.mark.nightly if p.name in LONG else [], id=p.name) for p in PARTS]
+)
 def test_energy_stress_and_hessian(part: Part) -> None:
     """Energy and stress are NumPy's, the Hessian is the derivative of the gradient."""
     emitted = emit(part.scene())

@@ -16,6 +16,7 @@ from yasps import (
     Scene,
     SceneError,
     ShapeMismatchError,
+    UnsupportedSceneError,
     YaspsError,
 )
 from yasps.bodies import AffineBody, HalfSpace, MovingObstacle, SoftBody
@@ -136,6 +137,17 @@ def test_vertices_and_motions_of_pins() -> None:
     assert isinstance(pins, DrivenVertices)
     with pytest.raises(SceneError, match="a pin of soft was released"):
         pins.follow(None)
+
+
+def test_what_a_gpu_does_not_have_is_said(monkeypatch: pytest.MonkeyPatch) -> None:
+    simulation, soft = soft_cube()
+    plate = MovingObstacle(simulation.scene, "plate", SURFACE)
+    monkeypatch.setattr(Scene, "is_on_device", True)
+    with pytest.raises(UnsupportedSceneError, match="on a GPU pins are springs, which have no motion"):
+        simulation.pin(soft, [0], motion=soft.positions()[:1])
+    with pytest.raises(UnsupportedSceneError, match="plate moves, which is for the CPU only: take device='cpu'"):
+        simulation.add(plate)
+    assert simulation.bodies == [soft]
 
 
 def test_a_motion_that_fails_moves_nothing() -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import overload
 
 import numpy as np
@@ -171,17 +172,21 @@ def mooney_rivlin(deformation: Attribute, c1: Scalar, c2: Scalar, bulk: Scalar, 
 
 
 def holzapfel_fibres(
-    deformation: Attribute, direction: Attribute, stiffness: Scalar, stiffening: Scalar, volume: Scalar
+    deformation: Attribute,
+    direction: Attribute | Sequence[float],
+    stiffness: Scalar,
+    stiffening: Scalar,
+    volume: Scalar,
 ) -> Attribute:
     """Energy [J] of one family of fibres in an element of rest volume [m^3] with 3x3 deformation gradient F.
 
     V k1/(2 k2) (exp(k2 (I_4 - 1)^2) - 1) where the fibres are longer than at rest, else 0, I_4 = |F a|^2. Add it to an
-    energy of the ground substance, once for each family. direction a: 3x1, of length 1, in the rest shape; stiffness
+    energy of the ground substance, once for each family. direction a: 3x1 or numbers, of length 1, at rest; stiffness
     k1 [Pa]: Young's modulus along slightly stretched fibres is 4 k1; stiffening k2: no unit. Holzapfel, Gasser and
     Ogden 2000, with I_4 of F itself (Nolan et al. 2014).
     """
     f, k1, k2 = _solid(deformation), as_attribute(stiffness), as_attribute(stiffening)
-    fibre = f * direction.reshape(3, 1)
+    fibre = f * as_attribute(direction).reshape(3, 1)
     stretch = fibre.dot(fibre) - 1
     stored = 0.5 * k1 / k2 * (k2 * stretch * stretch).expm1()
     return as_attribute(volume) * select(stretch > 0, stored, 0)

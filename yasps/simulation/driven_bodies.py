@@ -7,7 +7,7 @@ from collections.abc import Iterable, Mapping
 import numpy as np
 from numpy.typing import NDArray
 
-from yasps import Attribute, ConnectivityError, Scene, SceneError
+from yasps import Attribute, ConnectivityError, Scene, SceneError, UnsupportedSceneError
 from yasps.bodies import Body, MovingObstacle
 from yasps.frontend.language.arrays import plain_array, positive_number
 from yasps.meshes.tetrahedral_mesh import Float64Array
@@ -65,8 +65,13 @@ class DrivenBodies:
             raise SceneError(f"some of these vertices of {body.name} are pinned already: release those pins first")
         seconds = float(self._time_step.value[0])
         if stiffness is not None or self._scene.is_on_device:
-            if motion is not None:
+            if motion is not None and stiffness is not None:
                 raise SceneError("springs have no motion: move them by pins.move_to(places), or leave stiffness out")
+            if motion is not None:
+                raise UnsupportedSceneError(
+                    "on a GPU pins are springs, which have no motion: move them by pins.move_to(places), or take"
+                    " device='cpu'"
+                )
             if stiffness is None:
                 stiffness = PIN_STIFFNESS * float(body.mass.value.sum()) / seconds**2
             stiffness = positive_number(stiffness, f"the stiffness of a pin of {body.name}", "N/m", SceneError)
@@ -98,9 +103,10 @@ class DrivenBodies:
     # -- state ---------------------------------------------------------------------------------------------
 
     def state(self) -> dict[str, Float64Array]:
-        """Places of obstacles and what holds each of the driven, by name."""
+        """Places of obstacles, and what holds each of the driven and how fast it is, by name."""
         numbers = {f"place/{body.name}": body.positions() for body in self._surfaces}
-        return numbers | {f"multiplier/{k}": driven.multiplier.copy() for k, driven in enumerate(self.all)}
+        numbers |= {f"multiplier/{k}": driven.multiplier.copy() for k, driven in enumerate(self.all)}
+        return numbers | {f"driven_velocity/{k}": driven.velocity.copy() for k, driven in enumerate(self.all)}
 
     def set_state(self, state: Mapping[str, Float64Array]) -> None:
         """Puts them back."""
@@ -108,6 +114,7 @@ class DrivenBodies:
             surface.put(state[f"place/{body.name}"])
         for number, driven in enumerate(self.all):
             driven.multiplier = np.array(state[f"multiplier/{number}"])
+            driven.velocity = np.array(state[f"driven_velocity/{number}"])
 
 
 def _checked_vertices(body: Body, vertices: object) -> NDArray[np.int64]:
