@@ -206,18 +206,25 @@ class BarrierContact(InScene):
         return self.position.compute().array.reshape(-1, 3)
 
     @one_thread_at_a_time
-    def start_step(self) -> None:
+    def start_step(self) -> FloatArray:
         """Begins a time step: checks the way of what was moved from outside since the last one (see `check_way`), and
         takes normal forces of friction from the present positions. Slips count from the positions accepted before, so
-        obstacles that were moved by hand drag what lies on them.
+        obstacles that were moved by hand drag what lies on them. Returns those, [n, 3].
 
-        `BackwardEuler.step` does so. Raises IntersectionError.
+        `TimeStepper.step` does so. Raises IntersectionError.
         """
         before = self._accepted
         self.check_way()
         if self.friction is not None:
             self.friction.start_step(before)
             self.lag()
+        return before
+
+    def count_slips_from(self, positions: FloatArray) -> None:
+        """Other positions of all vertices [n, 3] from which slips count in this step: a formula for velocities (see
+        `Integrator` of `yasps.stepping`) may look farther back."""
+        if self.friction is not None:
+            self.friction.start_step(positions)
 
     @one_thread_at_a_time
     def lag(self) -> None:
@@ -250,7 +257,7 @@ class BarrierContact(InScene):
         """Looks for collisions on the straight way from the positions last accepted to these, by default the present
         ones, and accepts these.
 
-        `minimize` and `BackwardEuler.step` do so before anything else. Raises IntersectionError that names the vertices
+        `minimize` and `TimeStepper.step` do so before anything else. Raises IntersectionError that names the vertices
         where surfaces meet on the way or nearly do (see `CollisionGeometry.check_way`); nothing is accepted then.
         """
         where = self.positions() if positions is None else positions

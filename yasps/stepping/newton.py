@@ -1,6 +1,6 @@
 """Minimisation by projected Newton with an intersection-free line search (Li et al. 2020, algorithm 1).
 
-`minimize` finds a minimum of a scene's energy; `BackwardEuler` makes time steps of it. Both are short on purpose: copy
+`minimize` finds a minimum of a scene's energy; `TimeStepper` makes time steps of it. Both are short on purpose: copy
 and change them when your scene needs something else. The compiler knows nothing of them.
 """
 
