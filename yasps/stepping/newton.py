@@ -65,10 +65,11 @@ def minimize(
     bool [instances].
 
     Each step is bounded by CCD and halved until the energy does not grow (but for rounding), or made longer where the
-    energy shows that it is too short. Pairs that are crushed on the way are opened first (`crushed_gradient`). Stops when all tolerances of the settings hold: of velocity, when the Newton
-    direction moves no vertex by settings.velocity_tolerance * time_step; of force, when no more is left of the gradient
-    after the step. That last direction is still taken, in the same way, but where no step along it is found that is no
-    error if the forces hold already.
+    energy shows that it is too short. Pairs that are crushed on the way are opened first (`crushed_gradient`). Stops
+    when all tolerances of the settings hold: of velocity, when the Newton direction moves no vertex by
+    settings.velocity_tolerance * time_step; of force, when no more is left of the gradient after the step. That last
+    direction is still taken, in the same way, but where no step along it is found that is no error if the forces hold
+    already.
 
     Raises IntersectionError, before anything is changed, if positions were changed from outside since the last call
     and something is in the way (see `BarrierContact.check_way`). Raises NotConvergedError after
