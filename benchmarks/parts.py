@@ -16,7 +16,7 @@ from xdsl.dialects.builtin import ModuleOp
 
 from benchmarks.kernel_problem import UNIT
 from benchmarks.measure import Peer, Report, Row, Settings, measure
-from yasps import Attribute, Scene, materials
+from yasps import Attribute, Scene, constant, materials
 from yasps.dialects.rel import DerivativeOp, ProjectOp
 from yasps.frontend.commands.environment_report import cpu_model
 from yasps.meshes import box, cloth_grid, hinge_stiffness, hinges_of
@@ -68,8 +68,8 @@ def _over_vertices(
     pieces = mesh.add_primitive("pieces", len(corners))
     joined = pieces.add_connectivity("corners", points, corners, corners.shape[1])
     given = {"positions": pieces.add_attribute("positions", through=joined, source=position)}
-    for name, constant in constants.items():
-        numbers = np.asarray(constant, float)
+    for name, values in constants.items():
+        numbers = np.asarray(values, float)
         given[name] = pieces.add_constant(name, *(numbers.shape[1:] or (1, 1)), value=numbers)
     return Matter(scene, len(corners), given)
 
@@ -140,6 +140,29 @@ def _rod(size: int) -> Matter:
     joined = pieces.add_connectivity("segments", segments, pairs, 2)
     angles = pieces.add_attribute("angles", through=joined, source=angle)
     return Matter(matter.scene, size, {**matter.given, "angles": angles})
+
+
+def _joints(size: int) -> Matter:
+    """Between tetrahedra and the next ones, each a frame in the middle of its own."""
+    solid = box(divisions=(max(1, round((size / 6) ** (1 / 3))),) * 3)
+    pairs = np.hstack([solid.tets, np.roll(solid.tets, 1, axis=0)])
+    system = np.concatenate([solid.vertices[solid.tets].swapaxes(1, 2), np.ones((len(solid.tets), 1, 4))], axis=1)
+    right = np.broadcast_to(np.vstack([np.hstack([np.zeros((3, 1)), np.eye(3)]), [[1, 0, 0, 0]]]), (len(system), 4, 4))
+    right = right.copy()
+    right[:, :3, 0] = solid.vertices[solid.tets].mean(axis=1)
+    weights = np.linalg.solve(system, right).swapaxes(1, 2)
+    constants = {"first_weights": weights, "second_weights": np.roll(weights, 1, axis=0)}
+    return _over_vertices(solid.vertices, pairs, constants, len(pairs) ** (-1 / 3))
+
+
+def _of_frames(energy: Callable[..., Attribute]) -> Callable[..., Attribute]:
+    """The energy of two frames."""
+
+    def of(positions: Attribute, first_weights: Attribute, second_weights: Attribute) -> Attribute:
+        corners = positions.block(0, 0, 4, 3), positions.block(4, 0, 4, 3)
+        return energy(materials.frame_of(corners[0], first_weights), materials.frame_of(corners[1], second_weights))
+
+    return of
 
 
 def _of_solid(energy: Callable[..., Attribute], *numbers: float, **more: float | str) -> Callable[..., Attribute]:
@@ -227,6 +250,19 @@ PARTS = (
     ),
     PartRow("rod_material_bending", _rod, _material_bending),
     PartRow("rod_twisting", _rod, _twisting),
+    PartRow("held_together", _joints, _of_frames(lambda e, f: materials.held_together(e, f, 1e3))),
+    PartRow("aligned", _joints, _of_frames(lambda e, f: materials.aligned(e, f, constant([1.0, 2.0, 3.0])))),
+    PartRow("on_the_axis", _joints, _of_frames(lambda e, f: materials.on_the_axis(e, f, 1e3))),
+    PartRow(
+        "motor",
+        _joints,
+        _of_frames(lambda e, f: materials.motor(materials.joint_angle(e, f, 0.0), 0.1, 10.0, 5.0)),
+    ),
+    PartRow(
+        "angle_limits",
+        _joints,
+        _of_frames(lambda e, f: materials.angle_limits(materials.joint_angle(e, f, 0.0), -0.01, 0.01, 1e3)),
+    ),
 )
 
 

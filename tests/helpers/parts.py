@@ -312,6 +312,52 @@ def _twisting_of(rest_twist: Attribute, rest_length: Attribute, stiffness: Attri
     return materials.rod_twisting(materials.rod_twist(**state), rest_twist, rest_length, stiffness)
 
 
+# -- joints ----------------------------------------------------------------------------------------------------
+
+
+def _held_together(first: Batch, second: Batch, stiffness: Batch) -> Batch:
+    return stiffness.ravel() / 2 * np.sum((second - first)[:, 0] ** 2, axis=1)
+
+
+def _aligned(first: Batch, second: Batch, stiffness: Batch) -> Batch:
+    return np.sum(stiffness[:, :, 0] / 2 * np.sum((second - first)[:, 1:] ** 2, axis=2), axis=1)
+
+
+def _on_the_axis(first: Batch, second: Batch, stiffness: Batch) -> Batch:
+    way = np.einsum("nc,nkc->nk", second[:, 0] - first[:, 0], first[:, 2:])
+    return stiffness.ravel() / 2 * np.sum(way**2, axis=1)
+
+
+def _turned_by(first: Batch, second: Batch) -> Batch:
+    """By the sum of the complex numbers that say how each vector across the axis has turned."""
+    sine = _dot(first[:, 3], second[:, 2]) - _dot(first[:, 2], second[:, 3])
+    return _angle(sine, _dot(first[:, 2], second[:, 2]) + _dot(first[:, 3], second[:, 3]))
+
+
+def _motor(first: Batch, second: Batch, aim: Batch, stiffness: Batch, torque: Batch) -> Batch:
+    off, k, most = _turned_by(first, second) - aim.ravel(), stiffness.ravel(), torque.ravel()
+    off = np.where(off.real < 0, -off, off)
+    return np.where(k * off.real <= most, k / 2 * off**2, most * off - most**2 / (2 * k))
+
+
+def _motor_of(
+    first: Attribute, second: Attribute, aim: Attribute, stiffness: Attribute, torque: Attribute
+) -> Attribute:
+    return materials.motor(materials.joint_angle(first, second, 0.0), aim, stiffness, torque)
+
+
+def _angle_limits(first: Batch, second: Batch, least: Batch, most: Batch, stiffness: Batch) -> Batch:
+    turn = _turned_by(first, second)
+    over, under = turn - most.ravel(), least.ravel() - turn
+    return stiffness.ravel() / 3 * (np.where(over.real > 0, over**3, 0) + np.where(under.real > 0, under**3, 0))
+
+
+def _angle_limits_of(
+    first: Attribute, second: Attribute, least: Attribute, most: Attribute, stiffness: Attribute
+) -> Attribute:
+    return materials.angle_limits(materials.joint_angle(first, second, 0.0), least, most, stiffness)
+
+
 # -- the table -------------------------------------------------------------------------------------------------
 
 LAME = {"mu": number(1.0, 2.0, 3), "lam": number(0.5, 3.0, 4)}
@@ -324,6 +370,13 @@ TRIANGLE = {"positions": near([[1, 0, 0], [0.2, 1, 0], [0, 0.1, 1]], 0.2)}
 FOLDED = {"positions": near([[0, 0, 0], [2, 0, 0], [1, 1, 0.2], [0.5, -1, 0.6]], 0.2)}
 BENT = [[0, 0, 0], [1, 0.1, 0], [1.9, 0.6, 0.3]]
 LENGTH = {"rest_length": number(1.5, 2.5, 7)}
+
+
+FRAMES = {
+    "first": near(np.vstack([np.zeros(3), np.eye(3)]), 0.1, 30),
+    "second": near([[0.3, 0.2, 0.1], [1, 0, 0], [0, 0.5, 0.8], [0, -0.8, 0.5]], 0.1, 31),
+}
+"""Turned by about 1 rad against each other."""
 
 
 def _lame(mu: Batch, lam: Batch, volume: Batch) -> tuple[Batch, Batch, Batch]:
@@ -450,5 +503,22 @@ PARTS = (
         {**_PREVIOUS, **REFERENCE_TWIST, "rest_twist": number(-1, 1, 28), "stiffness": number(1, 2, 29), **LENGTH},
         _twisting_of,
         _twisting,
+    ),
+    Part("held_together", FRAMES, {"stiffness": number(1, 2, 32)}, materials.held_together, _held_together),
+    Part("aligned", FRAMES, {"stiffness": near([[1.0], [2.0], [3.0]], 0.1, 33)}, materials.aligned, _aligned),
+    Part("on_the_axis", FRAMES, {"stiffness": number(1, 2, 34)}, materials.on_the_axis, _on_the_axis),
+    Part(
+        "motor",
+        FRAMES,
+        {"aim": number(0.0, 2.0, 35), "stiffness": number(1, 2, 36), "torque": number(0.1, 0.8, 37)},
+        _motor_of,
+        _motor,
+    ),
+    Part(
+        "angle_limits",
+        FRAMES,
+        {"least": number(-1.0, 1.5, 38), "most": number(0.5, 1.5, 39), "stiffness": number(1, 2, 40)},
+        _angle_limits_of,
+        _angle_limits,
     ),
 )
