@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
-from yasps import ConnectivityError, DataError, SceneError, ShapeMismatchError
+from yasps import ConnectivityError, DataError, Scene, SceneError, ShapeMismatchError
 from yasps.meshes import box, hex_box
-from yasps.parameterisations import ancestors, barycentric_weights, influences, trilinear_weights
+from yasps.parameterisations import ancestors, barycentric_weights, influences, trilinear_weights, turned
 
 RNG = np.random.default_rng(5)
 POINTS = RNG.uniform(-0.45, 0.45, (200, 3))
@@ -74,3 +75,23 @@ def test_influences() -> None:
         influences([[1.0, 0.0], [0.5, 0.4]])
     with pytest.raises(DataError, match="vertices, bones"):
         influences([1.0, 0.0])
+
+
+def test_links_turn_in_their_plane_by_the_sum_of_angles() -> None:
+    """A tree of four links, by the two sums, against rotations applied one after the other."""
+    parents, angles = [-1, 0, 1, 0], np.array([0.4, -1.1, 2.0, 0.7])
+    arms, axis = RNG.standard_normal((4, 3)), np.array([0.6, 0.0, 0.8])
+    links = Scene("tree", threads=1).add_mesh("m").add_primitive("links", 4)
+    indices, counts = ancestors(parents)
+    way = links.add_connectivity("way", links, indices, counts=counts)
+    angle = links.add_attribute("angle", 1, 1, value=angles)
+    plane = [links.add_constant(name, 3, 1, value=[v] * 4) for name, v in (("u", [0.8, 0, -0.6]), ("v", [0, 1.0, 0]))]
+    direction = links.add_attribute("direction", through=way, source=angle, operation="sum")
+    arm = turned(links.add_constant("rest_arm", 3, 1, value=arms), direction, *plane)
+    own = links.add_attribute("arm", computed_attribute=arm)
+    ends = links.add_attribute("end", through=way, source=own, operation="sum").compute().array[:, :, 0]
+    totals = [angles[0], angles[0] + angles[1], angles[:3].sum(), angles[0] + angles[3]]
+    assert np.cross(plane[0].value[:3], plane[1].value[:3]) == pytest.approx(axis)
+    moved = np.stack([Rotation.from_rotvec(t * axis).apply(a) for t, a in zip(totals, arms, strict=True)])
+    expected = [moved[0], moved[0] + moved[1], moved[:3].sum(axis=0), moved[0] + moved[3]]
+    np.testing.assert_allclose(ends, expected, atol=1e-14)
