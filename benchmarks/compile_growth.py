@@ -83,7 +83,7 @@ def _one_by_one(found: _Stages, scene: Scene, compiler: Compiler, threads: int) 
     unique = {code.symbol: code.text for code in codes}
     found.add("lines", float(sum(without_preludes(text).count("\n") for text in unique.values())), "lines")
     with found.timed("C++"):
-        compile_sources([Source(symbol, text) for symbol, text in unique.items()], compiler, threads)
+        compile_sources([Source(symbol, text) for symbol, text in unique.items()], compiler.for_generated(), threads)
 
 
 def _compile(scene: Scene, runtime: Runtime) -> None:

@@ -189,7 +189,7 @@ def _rows_of(
         with empty_cache():
             start, busy = time.perf_counter(), processor_seconds(of_children=True)
             given = [one_file(sources)] if strategy.in_one_file else sources
-            objects = compile_sources(given, strategy.compiler, strategy.jobs)
+            objects = compile_sources(given, strategy.compiler.for_generated(), strategy.jobs)
             seconds, used = time.perf_counter() - start, processor_seconds(of_children=True) - busy
             rows.append(Row(case, "yasps", strategy.jobs, seconds, "s"))
             rows.append(Row(f"{case}: processor time", "yasps", strategy.jobs, used, "s"))

@@ -82,7 +82,7 @@ def _solid(size: int) -> Matter:
         "inverse": inverse,
         "volume": volume,
         "direction": np.tile([[0.6], [0.8], [0.0]], (len(volume), 1, 1)),
-        "previous": np.tile(np.eye(3), (len(volume), 1, 1)),
+        "previous_strain": np.zeros((len(volume), 3, 3)),
     }
     return _over_vertices(mesh.vertices, mesh.tets, constants, 1 / cells)
 
@@ -188,7 +188,9 @@ PARTS = (
     PartRow(
         "strain_rate_damping",
         _solid,
-        _of_solid(materials.strain_rate_damping, previous="previous", viscosity=10.0, time_step=0.01),
+        _of_solid(
+            materials.strain_rate_damping, previous_strain="previous_strain", viscosity=10.0, effective_step=0.01
+        ),
     ),
     PartRow("st_venant_membrane", _sheet, _of_sheet(materials.st_venant_membrane, *LAME, thickness=0.01)),
     PartRow("neo_hookean_membrane", _sheet, _of_sheet(materials.neo_hookean_membrane, LAME[0], thickness=0.01)),

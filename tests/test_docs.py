@@ -17,18 +17,23 @@ from xdsl.parser import Parser
 
 from benchmarks import parts
 from yasps import Attribute, Scene, concat_cols, concat_rows, identity, materials, stumpff
+from yasps.bodies import SoftBody
 from yasps.dialects.mat import OPERATIONS
 from yasps.examples import two_bunnies
 from yasps.frontend import errors
 from yasps.frontend.commands import yasps_opt
+from yasps.meshes import box
 from yasps.passes.ir_text import text_of
 from yasps.passes.pipeline import PIPELINE, make_context
+from yasps.simulation import Simulation
+from yasps.stepping import BDF2
 
 ROOT = Path(__file__).parents[1]
 ARCHITECTURE = ROOT / "docs" / "architecture.md"
 LANGUAGE = ROOT / "docs" / "language.md"
 GPU = ROOT / "docs" / "gpu.md"
 STEPPING = ROOT / "docs" / "contact-and-stepping.md"
+PARAMETERISATIONS = ROOT / "docs" / "parameterisations.md"
 PARTS = ROOT / "docs" / "parts.md"
 README = ROOT / "README.md"
 DOCUMENTS = [README, *sorted((ROOT / "docs").glob("*.md"))]
@@ -311,9 +316,10 @@ def test_every_python_block_is_run() -> None:
     run = {
         "README.md": 1,
         "architecture.md": 1,
-        "contact-and-stepping.md": 4,
+        "contact-and-stepping.md": 5,
         "gpu.md": 1,
         "language.md": 6,
+        "parameterisations.md": 1,
         "parts.md": 1,
     }
     assert {name: count for name, count in shown.items() if count} == run
@@ -380,6 +386,24 @@ def test_overlaps_are_taken_away(capsys: pytest.CaptureFixture[str]) -> None:
     assert after.startswith(promised[1])
 
 
+@pytest.mark.slow
+def test_the_damping_of_the_document_takes_motion_away() -> None:
+    *_, code, _, _ = blocks(STEPPING, "python")
+    kinetic = []
+    for damped in (False, True):
+        scene = Scene("damped", threads=1)
+        body = SoftBody(scene, "cube", box((0.1, 0.1, 0.1), (1, 1, 1)))
+        simulation = Simulation(scene, [body], contact=False, gravity=(0.0, 0.0, 0.0), integrator=BDF2, time_step=1e-3)
+        if damped:
+            exec(code, {"body": body, "simulation": simulation, "materials": materials})
+        body.position.update_value(1.1 * body.rest)
+        kinetic.append(0.0)
+        for _ in range(60):
+            simulation.step()
+            kinetic[-1] += simulation.stepper.kinetic_energy()
+    assert 0.0 < kinetic[1] < 0.9 * kinetic[0]
+
+
 def test_the_cube_drops_and_drifts() -> None:
     *_, code, _ = blocks(STEPPING, "python")
     names: dict[str, object] = {}
@@ -398,3 +422,15 @@ def test_the_stepper_runs() -> None:
     lowest = names["lowest"]
     assert isinstance(lowest, float)
     assert 0.0 < lowest < 2e-3  # it started 10 mm up; pairs repel below 2 mm
+
+
+# -- parameterisations.md ----------------------------------------------------------------------------------------------
+
+
+@pytest.mark.slow
+def test_the_pendulum_of_the_document_turns(capsys: pytest.CaptureFixture[str]) -> None:
+    (code,) = blocks(PARAMETERISATIONS, "python")
+    exec(code, {})
+    angle, gap = (float(word) for word in capsys.readouterr().out.split())
+    assert 0.0 < angle < 0.3
+    assert 0.0 < gap < 1e-5

@@ -30,8 +30,10 @@ from yasps.backend.reference.interpreter import Interpreter
 from yasps.contact import CollisionGeometry
 from yasps.frontend.execution.compiled_scene import CompiledScene
 from yasps.contact import BarrierContact
+from yasps.bodies import Joints
 from yasps.materials import *
-from yasps.stepping import BackwardEuler, MovingPart, NewtonReport, NewtonSettings, minimize
+from yasps.stepping import BACKWARD_EULER, LoadStep, MovingPart, NewtonReport, NewtonSettings, TimeStepper, minimize
+from yasps.stepping import quasi_static
 from yasps.passes.pipeline import run_pipeline
 from yasps.runtime.solvers.pcg import SolveReport
 from yasps.simulation import Simulation
@@ -54,8 +56,12 @@ STANDS_FOR = {
     "compiled_scene": "CompiledScene",
     "contact": "BarrierContact",
     "geometry": "CollisionGeometry",
-    "stepper": "BackwardEuler",
+    "stepper": "TimeStepper",
     "simulation": "Simulation",
+    "joints": "Joints",
+    "bodies": "Any",
+    "set_load": "Any",
+    "share": "Any",
     "pins": "DrivenVertices",
     "module": "Any",
     "data": "Any",

@@ -115,6 +115,8 @@ class ObjectText(ABC):
     """What stands before functions of this file alone."""
     math_prefix: ClassVar[str]
     """What stands before the names of mathematical functions of one number."""
+    longest_function: ClassVar[int | None]
+    """Statements of a function of numbers that are not divided among several, if there is a limit."""
     signatures: ClassVar[dict[str, tuple[str, str]]]
     """Of each kind of entry that other objects call, the result's type and the parameters after `a` and `i`."""
 
@@ -278,6 +280,7 @@ class ObjectText(ABC):
             outputs=outputs,
             linkage=self.local_linkage,
             math_prefix=self.math_prefix,
+            longest=self.longest_function,
         )
         if text not in self.parts:
             self.parts.append(text)

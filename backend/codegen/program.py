@@ -40,7 +40,8 @@ class Program:
         if dump_to is not None:
             dump_sources(code, dump_to, "cpp")
         unique = {code.symbol: code for code in self.codes.values()}
-        objects = compile_sources([Source(code.symbol, code.text) for code in unique.values()], compiler)
+        sources = [Source(code.symbol, code.text) for code in unique.values()]
+        objects = compile_sources(sources, compiler.for_generated())
         names = {code.symbol: name for name, code in reversed(self.codes.items())}
         self.log = [
             CompiledModule(names[item.name], item.seconds, item.cached, unique[item.name].text.count("\n"))

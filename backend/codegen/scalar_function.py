@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from itertools import pairwise
 from typing import cast
 
 from xdsl.dialects import arith, func, math
@@ -45,36 +46,125 @@ def function_text(
     *,
     linkage: str = "static inline",
     math_prefix: str = "__builtin_",
+    longest: int | None = None,
 ) -> str:
     """A C++ function of the values `scalar` (V, double or int) for the operation.
 
     `inputs` and `outputs` cut its arguments and results into arrays of these lengths; `math_prefix` stands before the
-    names of mathematical functions of numbers.
+    names of mathematical functions of numbers. One of more than `longest` statements calls functions of fewer in turn.
+    No result may lie where an argument does.
     """
-    names: dict[SSAValue, str] = {}
-    arguments = iter(op.body.block.args)
-    for number, length in enumerate(inputs):
-        for k in range(length):
-            names[next(arguments)] = f"x{number}[{k}]"
-    parameters = [f"const {scalar}* x{n}" for n in range(len(inputs))] + [
-        f"{scalar}* y{n}" for n in range(len(outputs))
-    ]
-    lines = [f"{linkage} void {name}({', '.join(parameters)}) {{"]
-    for inner in op.body.block.ops:
-        if isinstance(inner, func.ReturnOp):
-            values = iter(inner.arguments)
-            lines += [
-                f"    y{n}[{k}] = {names[next(values)]};" for n, length in enumerate(outputs) for k in range(length)
-            ]
-        elif isinstance(inner, arith.ConstantOp):
-            names[inner.result] = _literal(inner, scalar)
-        else:
-            result = inner.results[0]
-            names[result] = f"t{len(names)}"
-            kind = "auto" if isinstance(inner, arith.CmpfOp) else scalar  # a truth value or a mask
-            lines.append(f"    const {kind} {names[result]} = {_expression(inner, names, scalar, math_prefix)};")
-    lines.append("}")
-    return "\n".join(lines) + "\n"
+    writer = _FunctionWriter(scalar, math_prefix, op, inputs, outputs)
+    parameters = [f"const {scalar}* x{n}" for n in range(len(inputs))]
+    parameters += [f"{scalar}* __restrict y{n}" for n in range(len(outputs))]
+    parts = _parts(writer.statements, longest)
+    bodies, kept = writer.bodies(parts)
+    if len(bodies) == 1:
+        return _definition(linkage, name, parameters, bodies[0])
+    of_part = [*parameters, f"{scalar}* __restrict w"]
+    texts = [_definition(f"static {NOT_INLINE}", f"{name}_{k}", of_part, body) for k, body in enumerate(bodies)]
+    passed = ", ".join(parameter.rpartition(" ")[2] for parameter in of_part)
+    calls = [f"{scalar} w[{max(kept, 1)}];", *(f"{name}_{k}({passed});" for k in range(len(bodies)))]
+    return "\n".join([*texts, _definition(linkage, name, parameters, calls)])
+
+
+NOT_INLINE = "__attribute__((noinline))"
+
+
+def _parts(statements: Sequence[Operation], longest: int | None) -> list[Sequence[Operation]]:
+    """Cut into parts of about equal length, of at most `longest` statements each."""
+    count = 1 if longest is None else max(1, -(-len(statements) // longest))
+    ends = [len(statements) * k // count for k in range(count + 1)]
+    return [statements[start:end] for start, end in pairwise(ends)]
+
+
+def _definition(linkage: str, name: str, parameters: Sequence[str], lines: Sequence[str]) -> str:
+    body = "".join(f"    {line}\n" for line in lines)
+    return f"{linkage} void {name}({', '.join(parameters)}) {{\n{body}}}\n"
+
+
+class _FunctionWriter:
+    """Statements of a function, and the names of its values."""
+
+    def __init__(
+        self, scalar: str, math_prefix: str, op: func.FuncOp, inputs: Sequence[int], outputs: Sequence[int]
+    ) -> None:
+        self.scalar = scalar
+        self.math_prefix = math_prefix
+        self.names: dict[SSAValue, str] = {}
+        self.statements: list[Operation] = []
+        arguments = iter(op.body.block.args)
+        for number, length in enumerate(inputs):
+            for k in range(length):
+                self.names[next(arguments)] = f"x{number}[{k}]"
+        for inner in op.body.block.ops:
+            if isinstance(inner, func.ReturnOp):
+                places = [f"y{n}[{k}]" for n, length in enumerate(outputs) for k in range(length)]
+                self.returned = list(zip(places, inner.arguments, strict=True))
+            elif isinstance(inner, arith.ConstantOp):
+                self.names[inner.result] = _literal(inner, scalar)
+            else:
+                self.names[inner.results[0]] = f"t{len(self.names)}"
+                self.statements.append(inner)
+
+    def statement(self, op: Operation) -> str:
+        """The declaration of what the operation computes."""
+        kind = "auto" if isinstance(op, arith.CmpfOp) else self.scalar  # a truth value or a mask
+        return (
+            f"const {kind} {self.names[op.results[0]]} = {_expression(op, self.names, self.scalar, self.math_prefix)};"
+        )
+
+    def bodies(self, parts: Sequence[Sequence[Operation]]) -> tuple[list[list[str]], int]:
+        """Statements of each part, where what a later part needs is kept in the array `w`, and the length of `w`.
+
+        Results are stored as soon as they are there, so that they keep no register, and later parts read them there.
+        Comparisons, which are no numbers to keep, are made in each part that needs them.
+        """
+        own = [_with_comparisons(part) for part in parts]
+        last_use = {value: k for k, ops in enumerate(own) for op in ops for value in op.operands}
+        places: dict[SSAValue, list[str]] = {}
+        for place, value in self.returned:
+            places.setdefault(value, []).append(place)
+        bodies: list[list[str]] = []
+        free: list[str] = []
+        freed_after: list[list[str]] = [[] for _ in own]
+        length = 0
+        for k, ops in enumerate(own):
+            lines: list[str] = []
+            kept: dict[SSAValue, str] = {}
+            for op in ops:
+                lines.append(self.statement(op))
+                if isinstance(op, arith.CmpfOp):
+                    continue
+                value = op.results[0]
+                to = places.pop(value, [])
+                if last_use.get(value, k) > k:
+                    if not to:
+                        if not free:
+                            free.append(f"w[{length}]")
+                            length += 1
+                        to = [free.pop()]
+                        freed_after[last_use[value]] += to
+                    kept[value] = to[0]
+                lines += [f"{place} = {self.names[value]};" for place in to]
+            self.names |= kept
+            free += freed_after[k]
+            bodies.append(lines)
+        bodies[-1] += [f"{place} = {self.names[value]};" for value, left in places.items() for place in left]
+        return bodies, length
+
+
+def _with_comparisons(part: Sequence[Operation]) -> list[Operation]:
+    """The statements of a part with the comparisons that it needs, each before its first use."""
+    own: dict[Operation, None] = {}
+    for op in part:
+        if isinstance(op, arith.CmpfOp):
+            continue
+        for value in op.operands:
+            if isinstance(value.owner, arith.CmpfOp):
+                own[value.owner] = None
+        own[op] = None
+    return list(own)
 
 
 def _literal(op: arith.ConstantOp, scalar: str) -> str:

@@ -56,6 +56,7 @@ class CppObjectText(ExpandingText):
     linkage = 'extern "C"'
     local_linkage = "static inline"
     math_prefix = "__builtin_"
+    longest_function = 3000  # beyond, compilers take time that grows with the square of a function's length
     column = "V"
     signatures: ClassVar = {**SIGNATURES, "pull": ("long", "const V* b, long n, V* out")}
 

@@ -40,6 +40,7 @@ class CudaObjectText(ExpandingText):
     linkage = 'extern "C" __device__'
     local_linkage = "static __device__ inline"
     math_prefix = ""
+    longest_function = None
     column = "double"
     signatures: ClassVar = {**SIGNATURES, "pull": ("long", "const double* b, double* out")}
 

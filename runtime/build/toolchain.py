@@ -60,6 +60,10 @@ DEFAULT_FLAGS = (
     "-ffp-contract=fast",
 )
 
+#: Further flags of g++ for generated code, long functions without branches that store what they compute once: searches
+#: for stores that nobody reads, and for what a load may find, take time that grows with the square of their length.
+STRAIGHT_LINE_FLAGS = ("-fno-dse", "-fno-tree-dse", "--param=sccvn-max-alias-queries-per-access=64")
+
 #: Environment variables by which compilers choose headers, libraries and their own parts.
 _HEEDED = (
     "CPATH",
@@ -157,6 +161,7 @@ class Compiler:
     library's version, and of the environment variables it heeds.
     has_vector_math: glibc's libmvec (`_ZGVdN4v_log` and its sisters) links and runs with `-lmvec -lm`.
     has_openmp: a program with `-fopenmp` compiles and runs.
+    is_clang: it does not know all of g++'s flags.
     """
 
     command: tuple[str, ...]
@@ -165,6 +170,7 @@ class Compiler:
     flags: tuple[str, ...]
     has_vector_math: bool
     has_openmp: bool
+    is_clang: bool = False
 
     @property
     def path(self) -> Path:
@@ -179,6 +185,10 @@ class Compiler:
         """The same compiler with further flags."""
         return replace(self, flags=(*self.flags, *flags))
 
+    def for_generated(self) -> Compiler:
+        """The same compiler with what generated code asks for."""
+        return self if self.is_clang else self.with_flags(*STRAIGHT_LINE_FLAGS)
+
 
 def find_compiler(flags: Sequence[str] = DEFAULT_FLAGS) -> Compiler:
     """Find the C++ compiler: YASPS_CXX, then CXX, then g++, c++ and clang++ on the PATH.
@@ -190,7 +200,9 @@ def find_compiler(flags: Sequence[str] = DEFAULT_FLAGS) -> Compiler:
     macros = _output_of([*command, *flags, "-x", "c++", "-dM", "-E", os.devnull], origin)
     heeded = [os.environ.get(name, "") for name in _HEEDED]
     target = digest_of(macros, *platform.libc_ver(), *heeded)
-    compiler = Compiler(command, version[0] if version else "", target, tuple(flags), False, False)
+    compiler = Compiler(
+        command, version[0] if version else "", target, tuple(flags), False, False, "__clang__" in macros
+    )
     return replace(
         compiler,
         has_vector_math=_probe(compiler, "vector-math", _VECTOR_MATH_PROBE, ("-lmvec", "-lm")),

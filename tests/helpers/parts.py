@@ -171,9 +171,15 @@ def _fibres(deformation: Batch, direction: Batch, stiffness: Batch, stiffening: 
     return volume.ravel() * np.where(along.real > 1, stored, 0)
 
 
-def _damping(deformation: Batch, previous: Batch, viscosity: Batch, volume: Batch, time_step: float) -> Batch:
-    change = 0.5 * (_right(deformation) - _right(previous))
-    return viscosity.ravel() * volume.ravel() / (2 * time_step) * np.sum(change**2, axis=(1, 2))
+def _symmetric(matrices: Batch) -> Batch:
+    return 0.5 * (matrices + matrices.transpose(0, 2, 1))
+
+
+def _damping(
+    deformation: Batch, previous_strain: Batch, viscosity: Batch, volume: Batch, effective_step: float
+) -> Batch:
+    change = 0.5 * (_right(deformation) - np.eye(3)) - previous_strain
+    return viscosity.ravel() * volume.ravel() / (2 * effective_step) * np.sum(change**2, axis=(1, 2))
 
 
 # -- sheets ----------------------------------------------------------------------------------------------------
@@ -371,10 +377,10 @@ PARTS = (
     Part(
         "strain_rate_damping",
         SOLID,
-        {"previous": turned(near(np.eye(3), 0.1, 17)), "viscosity": number(1, 2, 18), **VOLUME},
+        {"previous_strain": _symmetric(near(np.zeros((3, 3)), 0.1, 17)), "viscosity": number(1, 2, 18), **VOLUME},
         materials.strain_rate_damping,
         _damping,
-        {"time_step": 0.05},
+        {"effective_step": 0.05},
     ),
     Part(
         "st_venant_membrane",

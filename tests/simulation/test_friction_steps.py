@@ -70,7 +70,7 @@ def test_the_potential_of_friction_is_no_energy_of_the_motion() -> None:
 def test_friction_that_does_not_settle_is_said(
     monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:
-    monkeypatch.setattr("yasps.stepping.backward_euler.LAGGING_PASSES", 1)
+    monkeypatch.setattr("yasps.stepping.time_stepper.LAGGING_PASSES", 1)
     simulation, _ = sliding_cube(lagging="converged", settings=NewtonSettings(velocity_tolerance=1e-9))
     with caplog.at_level(logging.WARNING, "yasps"):
         report = simulation.step()

@@ -9,6 +9,7 @@ from yasps import Scene, SceneError, materials
 from yasps.bodies.body import Body, checked_density
 from yasps.frontend.language.arrays import positive_number
 from yasps.meshes import TetrahedralMesh, TriangleMesh, tetrahedra_of
+from yasps.parameterisations import affine_position
 
 
 class AffineBody(Body):
@@ -55,8 +56,8 @@ class AffineBody(Body):
 
         self.vertices = self.mesh.add_primitive("vertices", num_instances=len(shape.vertices))
         of_body = self.vertices.add_connectivity("of_body", self.body, np.zeros(len(shape.vertices), int), 1)
-        own_matrix = self.vertices.add_attribute("affine_matrix", through=of_body, source=matrix).reshape(3, 3)
-        own_translation = self.vertices.add_attribute("translation", through=of_body, source=translation).reshape(3, 1)
+        own_matrix = self.vertices.add_attribute("affine_matrix", through=of_body, source=matrix)
+        own_translation = self.vertices.add_attribute("translation", through=of_body, source=translation)
         rest = self.vertices.add_constant("rest_position", rows=3, cols=1, value=shape.vertices - center)
-        self.vertices.add_attribute("position", computed_attribute=own_matrix * rest + own_translation)
+        self.vertices.add_attribute("position", computed_attribute=affine_position(own_matrix, own_translation, rest))
         self.vertices.add_constant("mass", rows=1, cols=1, value=shape.vertex_masses(density))

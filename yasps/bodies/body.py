@@ -28,6 +28,7 @@ class Body:
     - energies: what the body added to the scene.
     - targets: stored variables that move the body; falling: those of them that a uniform acceleration moves.
     - arms: of targets that are no positions, how far at most a vertex moves for a unit of the target [m].
+    - history: constants that `start_step` sets and that belong to the state of the body.
     - meets_itself: whether its surface can meet itself; a stiff body's can't.
     """
 
@@ -41,6 +42,7 @@ class Body:
     cells: Mapping[str, Int32Array]
     targets: tuple[Attribute, ...] = ()
     falling: tuple[Attribute, ...] = ()
+    history: tuple[Attribute, ...] = ()
     meets_itself: bool = True
     arms: Mapping[Attribute, float] = MappingProxyType({})
 
@@ -95,6 +97,9 @@ class Body:
     def radii(self) -> Float64Array:
         """The radius of each vertex [m], [n]."""
         return np.broadcast_to(self.radius, (len(self.rest),))
+
+    def start_step(self) -> None:
+        """What a body does before each step of a simulation; it moves no vertex. Nothing, by default."""
 
     def add_energy(self, energy: Attribute, projection: str = "clamp") -> None:
         """Registers an energy [J] of this body with the scene, so that it goes when the body goes."""

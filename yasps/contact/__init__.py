@@ -7,6 +7,7 @@ from yasps.contact.collision_geometry import Candidates, CollisionGeometry, narr
 from yasps.contact.contact_forces import ContactForces, ContactPairs, contact_forces
 from yasps.contact.contact_parts import ContactParts
 from yasps.contact.contact_table import ContactTable
+from yasps.contact.crushed_pairs import crushed_gradient
 from yasps.contact.distances import squared_line_line, squared_point_line, squared_point_plane, squared_point_point
 from yasps.contact.half_spaces import Plane
 from yasps.contact.kinds import HALF_SPACE, KINDS, Kind
@@ -41,6 +42,7 @@ __all__ = [
     "barrier",
     "check_start",
     "contact_forces",
+    "crushed_gradient",
     "mollifier",
     "narrowest_gap",
     "paper_barrier",

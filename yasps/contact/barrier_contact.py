@@ -183,7 +183,7 @@ class BarrierContact(InScene):
         self._where = positions
         self._accepted = positions
         self.active = self._close_pairs(positions)
-        self._apply(self.active)
+        self.show_only({})
         self.lag()
 
     @property
@@ -206,18 +206,25 @@ class BarrierContact(InScene):
         return self.position.compute().array.reshape(-1, 3)
 
     @one_thread_at_a_time
-    def start_step(self) -> None:
+    def start_step(self) -> FloatArray:
         """Begins a time step: checks the way of what was moved from outside since the last one (see `check_way`), and
         takes normal forces of friction from the present positions. Slips count from the positions accepted before, so
-        obstacles that were moved by hand drag what lies on them.
+        obstacles that were moved by hand drag what lies on them. Returns those, [n, 3].
 
-        `BackwardEuler.step` does so. Raises IntersectionError.
+        `TimeStepper.step` does so. Raises IntersectionError.
         """
         before = self._accepted
         self.check_way()
         if self.friction is not None:
             self.friction.start_step(before)
             self.lag()
+        return before
+
+    def count_slips_from(self, positions: FloatArray) -> None:
+        """Other positions of all vertices [n, 3] from which slips count in this step: a formula for velocities (see
+        `Integrator` of `yasps.stepping`) may look farther back."""
+        if self.friction is not None:
+            self.friction.start_step(positions)
 
     @one_thread_at_a_time
     def lag(self) -> None:
@@ -250,7 +257,7 @@ class BarrierContact(InScene):
         """Looks for collisions on the straight way from the positions last accepted to these, by default the present
         ones, and accepts these.
 
-        `minimize` and `BackwardEuler.step` do so before anything else. Raises IntersectionError that names the vertices
+        `minimize` and `TimeStepper.step` do so before anything else. Raises IntersectionError that names the vertices
         where surfaces meet on the way or nearly do (see `CollisionGeometry.check_way`); nothing is accepted then.
         """
         where = self.positions() if positions is None else positions
@@ -294,7 +301,7 @@ class BarrierContact(InScene):
         if not np.array_equal(where, self._where):
             self.active = self._close_pairs(where, candidates)
             self._where = np.array(where)
-            self._apply(self.active)
+            self.show_only({})
         return self.active
 
     @one_thread_at_a_time
@@ -325,12 +332,15 @@ class BarrierContact(InScene):
         longest = float(np.sqrt(np.einsum("ij,ij->i", way, way).max(initial=0.0)))
         return 0.0 < 2 * longest <= 0.9 * least
 
-    def _apply(self, active: ActiveSet) -> None:
-        for name, pairs in active.kinds().items():
-            if name not in self.primitives or (name in self._given and pairs.same_as(self._given[name])):
-                continue
-            self._given[name] = pairs
-            self.primitives[name].update(pairs, self.laws_of_pairs(name, pairs))
+    def show_only(self, chosen: Mapping[str, NDArray[np.bool_]]) -> None:
+        """Gives the scene of each of these kinds the pairs of the active set that the mask, [n], chooses, and all pairs
+        of the others."""
+        for name, primitive in self.primitives.items():
+            pairs = self.active.kinds()[name]
+            pairs = pairs.chosen(chosen[name]) if name in chosen else pairs
+            if name not in self._given or not pairs.same_as(self._given[name]):
+                self._given[name] = pairs
+                primitive.update(pairs, self.laws_of_pairs(name, pairs))
 
     def laws_of_pairs(self, name: str, pairs: Pairs) -> Ids:
         """The number of the law of each pair of a kind, [n]."""

@@ -30,6 +30,8 @@ from yasps.contact.solid_geometry import closest_on_triangles, shortest_exits, w
 from yasps.contact.start_findings import Flipped, Overlap, StartState, Touching
 
 LOGGER = logging.getLogger("yasps")
+SOLIDS = ("tetra", "tetra10", "hexahedron")
+"""Kinds of cells that have an inside."""
 TOUCHING = 32 * float(np.finfo(np.float64).eps)
 """Gaps below this share of the largest coordinate are rounding; from there `CollisionGeometry` bounds no step."""
 
@@ -63,8 +65,8 @@ def start_state(bodies: Sequence[StartBody], table: ContactTable | None = None) 
     """Looks at the present state of bodies: what crosses, touches, lies inside, is flipped. Changes nothing.
 
     Groups are those of `yasps.simulation`: bodies that stand still may overlap each other, and stiff ones themselves;
-    so may those that don't meet by the table. Only bodies of tetrahedra have an inside: a closed surface alone may be a
-    room. Raises SceneError for what are no bodies.
+    so may those that don't meet by the table. Only bodies of tetrahedra or hexahedra have an inside: a closed surface
+    alone may be a room. Raises SceneError for what are no bodies.
     """
     return Surfaces(bodies, table).state()
 
@@ -247,7 +249,7 @@ class Surfaces:
 
     def is_solid(self, body: int) -> bool:
         """Has it an inside?"""
-        return "tetra" in self.bodies[body].cells
+        return any(kind in self.bodies[body].cells for kind in SOLIDS)
 
     def _overlap(self, pair: tuple[int, int], edges: Ids, numbers: Ids) -> Overlap:
         first, second = pair

@@ -19,6 +19,7 @@ from yasps.materials.damping import strain_rate_damping
 from yasps.materials.elasticity import (
     deformation_gradient,
     fixed_corotated,
+    gauss_deformation,
     green_strain,
     holzapfel_fibres,
     lame_parameters,
@@ -31,6 +32,15 @@ from yasps.materials.elasticity import (
     stable_neo_hookean_parameters,
 )
 from yasps.materials.forces import anchor, dead_load, gravity, inertia
+from yasps.materials.joints import (
+    aligned,
+    angle_limits,
+    frame_of,
+    held_together,
+    joint_angle,
+    motor,
+    on_the_axis,
+)
 from yasps.materials.membranes import neo_hookean_membrane, st_venant_membrane, strain_limiting
 from yasps.materials.pressure import enclosed_volume, inner_pressure
 from yasps.materials.rods import (
@@ -52,7 +62,9 @@ from yasps.materials.springs import spring
 __all__ = [
     "Scalar",
     "affine_orthogonality",
+    "aligned",
     "anchor",
+    "angle_limits",
     "baraff_witkin",
     "curvature_binormal",
     "dead_load",
@@ -60,20 +72,26 @@ __all__ = [
     "discrete_shell_bending",
     "enclosed_volume",
     "fixed_corotated",
+    "frame_of",
+    "gauss_deformation",
     "gravity",
     "green_strain",
+    "held_together",
     "hinge_angle",
     "hinge_angles",
     "hinge_bending",
     "holzapfel_fibres",
     "inertia",
     "inner_pressure",
+    "joint_angle",
     "lame_parameters",
     "linear_elasticity",
     "material_curvature",
     "mooney_rivlin",
+    "motor",
     "neo_hookean",
     "neo_hookean_membrane",
+    "on_the_axis",
     "quadratic_bending",
     "quadratic_bending_weights",
     "reference_twists",

@@ -8,20 +8,22 @@ from yasps.materials.scalar import Scalar
 
 
 def strain_rate_damping(
-    deformation: Attribute, previous: Attribute, viscosity: Scalar, volume: Scalar, time_step: Scalar
+    deformation: Attribute, previous_strain: Attribute, viscosity: Scalar, volume: Scalar, effective_step: Scalar
 ) -> Attribute:
-    """Dissipation potential [J] of one step of backward Euler in an element of rest volume [m^3].
+    """Dissipation potential [J] of one step in an element of rest volume [m^3].
 
-    V c / (2 dt) |E(F) - E(F_n)|^2 with Green's strain E: its gradient is the force of the viscous stress c E'. Rigid
-    motions lose nothing. deformation F: 3x3, or 3x2 of a sheet, whose volume is area times thickness; previous F_n: the
-    same at the start of the step, a constant; viscosity c [Pa s]; time_step dt [s]. Kane et al.
-    2000, "Variational integrators and the Newmark algorithm" (dissipation of one step as an incremental potential).
+    V c / (2 h) |E(F) - E_0|^2 with Green's strain E: its gradient is the force of the viscous stress c E'. Rigid
+    motions lose nothing. deformation F: 3x3, or 3x2 of a sheet, whose volume is area times thickness; viscosity c
+    [Pa s]; previous_strain E_0, 3x3 (2x2), a constant, and effective_step h [s], so that (E - E_0) / h is the rate of
+    strain. Of backward Euler E_0 is the strain where the step began and h the time step; `Simulation.carry` and
+    `Simulation.effective_step` are those of any integrator. Kane et al. 2000, "Variational integrators and the Newmark
+    algorithm" (dissipation of one step as an incremental potential).
     """
-    if previous.shape != deformation.shape:
+    strain = green_strain(deformation)
+    if previous_strain.shape != strain.shape:
         raise ShapeMismatchError(
-            f"the deformation gradients of a step are of one shape, got {deformation.path} {deformation.shape} and "
-            f"{previous.path} {previous.shape}"
+            f"the strain of {deformation.path} is {strain.shape}, but {previous_strain.path} is {previous_strain.shape}"
         )
-    change = green_strain(deformation) - green_strain(previous)
-    factor = 0.5 * as_attribute(viscosity) * as_attribute(volume) / as_attribute(time_step)
+    change = strain - previous_strain
+    factor = 0.5 * as_attribute(viscosity) * as_attribute(volume) / as_attribute(effective_step)
     return factor * change.dot(change)

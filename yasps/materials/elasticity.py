@@ -78,6 +78,20 @@ def deformation_gradient(positions: Attribute, rest_edges_inverse: Attribute) ->
     return edges.T * rest_edges_inverse
 
 
+def gauss_deformation(positions: Attribute, gradients: Attribute) -> Attribute:
+    """F at a Gauss point of any element, 3x3 (3x2 on surfaces): sum of x_a (x) grad N_a.
+
+    positions: n x 3, one node a row (a JOIN); gradients: n x 3 (n x 2), of the shape functions at rest in 1/m, see
+    `ElementMesh.points` of `yasps.meshes`. Linear in the positions, so Hessians are projected as 9x9 (6x6).
+    """
+    if positions.shape != (gradients.shape[0], 3):
+        raise ShapeMismatchError(
+            f"an element of {gradients.shape[0]} nodes has {gradients.shape[0]}x3 positions, got {positions.path} "
+            f"{positions.shape}"
+        )
+    return positions.T * gradients
+
+
 def stable_neo_hookean(deformation: Attribute, mu: Scalar, lam: Scalar, volume: Scalar) -> Attribute:
     """Stable Neo-Hookean energy [J] of an element of rest volume [m^3] with 3x3 deformation gradient F.
 

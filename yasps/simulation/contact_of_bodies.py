@@ -14,8 +14,7 @@ from yasps.bodies import Body, HalfSpace
 from yasps.contact import BarrierContact, ContactTable
 from yasps.contact.barrier import BARRIERS
 from yasps.frontend.language.arrays import positive_number
-from yasps.stepping import NewtonSettings
-from yasps.stepping.backward_euler import LAGGING
+from yasps.stepping import LAGGING, Integrator, NewtonSettings, checked_integrator
 
 LOGGER = logging.getLogger("yasps")
 
@@ -26,7 +25,7 @@ directions are shorter than any speed tells."""
 
 @dataclass(frozen=True)
 class ContactOptions:
-    """What a simulation was told of contact; see `Simulation`."""
+    """What a simulation was told of contact and time steps; see `Simulation`."""
 
     table: ContactTable
     barrier: str
@@ -34,6 +33,7 @@ class ContactOptions:
     eps_v: float
     """[m/s], the speed below which things stick."""
     lagging: str
+    integrator: Integrator
 
     def __post_init__(self) -> None:
         """Raises SceneError for what can't be."""
@@ -45,6 +45,7 @@ class ContactOptions:
         if self.stiffness is not None:
             positive_number(self.stiffness, "contact_stiffness", BARRIERS[self.barrier].unit, SceneError)
         positive_number(self.eps_v, "eps_v", "m/s", SceneError)
+        checked_integrator(self.integrator)
 
     def check_names(self, names: Iterable[str]) -> None:
         """Raises SceneError if the table names other bodies than these."""
@@ -87,11 +88,11 @@ def add_contact(
     options: ContactOptions,
     *,
     activation_distance: float,
-    time_step: Attribute,
+    effective_step: Attribute,
 ) -> BarrierContact:
     """Adds a mesh of this name with the union of all vertices and contact on it.
 
-    activation_distance [m]; time_step: 1x1, of the scene [s]. Raises what `BarrierContact` raises.
+    activation_distance [m]; effective_step: 1x1, of the scene [s]. Raises what `BarrierContact` raises.
     """
     stiffness = options.stiffness
     if stiffness is None and options.barrier == "paper":
@@ -119,5 +120,5 @@ def add_contact(
         fixed=stands_still(surfaces),
         group=np.repeat(groups, [len(body.rest) for body in surfaces]),
         objects={body.name: len(body.rest) for body in surfaces},
-        slip_length=time_step * options.eps_v,
+        slip_length=effective_step * options.eps_v,
     )

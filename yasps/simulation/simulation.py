@@ -7,14 +7,14 @@ in the next line.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from yasps import Attribute, Scene, SceneError, YaspsError, materials
+from yasps import Attribute, Scene, SceneError, ShapeMismatchError, YaspsError, materials
 from yasps.bodies import Body, MovingObstacle
 from yasps.contact import BarrierContact, ContactForces, ContactTable, check_start, contact_forces
 from yasps.frontend.language.arrays import checked_count, in_instances, positive_number, real_numbers
@@ -25,21 +25,35 @@ from yasps.simulation.checks import check_names, checked_bodies, checked_velocit
 from yasps.simulation.contact_of_bodies import ContactOptions, add_contact, stands_still
 from yasps.simulation.driven_bodies import DrivenBodies
 from yasps.simulation.frames import Recorder, run_frames
-from yasps.simulation.state_files import read_state, write_state
+from yasps.simulation.state_files import PAST, read_state, write_state
 from yasps.stepping import (
-    BackwardEuler,
+    BACKWARD_EULER,
+    Carried,
     DrivenVertices,
+    Integrator,
     MovingPart,
     NewtonReport,
     NewtonSettings,
     Pins,
     Prescribed,
     StepReport,
+    TimeStepper,
     energies_by_kind,
     forces_by_term,
     step_or_halves,
     step_report,
 )
+
+
+class Companion(Protocol):
+    """What has a history: bodies, joints, something of a user's own."""
+
+    @property
+    def history(self) -> tuple[Attribute, ...]:
+        """Stored constants that `start_step` sets."""
+
+    def start_step(self) -> None:
+        """Before every step; moves no vertex."""
 
 
 class Simulation:
@@ -52,10 +66,11 @@ class Simulation:
     "paper" 10 N over the cubed activation distance [J/m^4]. velocities: body -> velocity at the start [m/s], one or one
     for each vertex. settings: of Newton's method; by default the tolerance is a tenth of the activation distance a
     step, at most 2e-3 m/s; with friction at most a tenth of eps_v, and forces balance to 1e-3 of the largest. eps_v:
-    speed below which things with friction stick [m/s]. lagging: see `BackwardEuler`. rescue: how often a time step that
-    fails is cut in two, see `step`.
+    speed below which things with friction stick [m/s]. lagging, integrator: see `TimeStepper`. rescue: how often a
+    time step that fails is cut in two, see `step`.
 
-    `time_step` and `gravity` are constants of the scene that can be changed between steps; `before_step` and
+    `time_step` and `gravity` are constants of the scene that can be changed between steps; `effective_step` [s] is the
+    one that energies of velocities read, for (x - X) / effective_step (see `Integrator`); `before_step` and
     `after_step` are lists of functions that are called with the simulation.
 
     Raises SceneError, DataError, NameTakenError, UnsupportedSceneError, IntersectionError if surfaces cross at the
@@ -76,6 +91,7 @@ class Simulation:
         contact_stiffness: float | None = None,
         eps_v: float = 1e-3,
         lagging: str = "once",
+        integrator: Integrator = BACKWARD_EULER,
         velocities: Mapping[Body, ArrayLike] | None = None,
         settings: NewtonSettings | None = None,
         rescue: int = 3,
@@ -92,7 +108,7 @@ class Simulation:
         self._last: NewtonReport | None = None
         self._has_contact = contact
         self._options = ContactOptions(
-            ContactTable() if contacts is None else contacts, barrier, contact_stiffness, eps_v, lagging
+            ContactTable() if contacts is None else contacts, barrier, contact_stiffness, eps_v, lagging, integrator
         )
         if settings is not None and not isinstance(settings, NewtonSettings):
             raise SceneError(f"settings are NewtonSettings (yasps.stepping), got {settings!r}")
@@ -104,7 +120,7 @@ class Simulation:
         """Names of all bodies that were ever in it."""
         time_step = positive_number(time_step, "time_step", "s", SceneError)
         gravity = in_instances(real_numbers(gravity, "gravity"), 1, (3, 1), "gravity")
-        check_names(scene, ["time_step", "gravity", *(["everything"] if contact else [])])
+        check_names(scene, ["time_step", "effective_step", "gravity", *(["everything"] if contact else [])])
         chosen = self._check(bodies)
         moving = [body for body in chosen if not body.is_fixed]
         if activation_distance is None:
@@ -113,8 +129,11 @@ class Simulation:
         self.activation_distance = positive_number(activation_distance, "activation_distance", "m")
         start = checked_velocities(velocities, moving)
         self.time_step = scene.add_constant("time_step", 1, 1, value=time_step)
+        self.effective_step = scene.add_constant("effective_step", 1, 1, value=time_step)
         self.gravity = scene.add_constant("gravity", 3, 1, value=gravity)
         self.driven = DrivenBodies(scene, self.time_step)
+        self._companions: list[Companion] = []
+        self._carried: list[Carried] = []
         for body in chosen:
             self._take(body)
         self._connect(start)
@@ -177,7 +196,7 @@ class Simulation:
         vertices = body.vertices
         if body not in self._predicted:
             predicted = vertices.add_constant("predicted", rows=3, cols=1, value=body.positions())
-            inertia = materials.inertia(body.position, predicted, body.mass, self.time_step)
+            inertia = materials.inertia(body.position, predicted, body.mass, self.effective_step)
             vertices.add_attribute("inertia", computed_attribute=inertia)
             weight = materials.gravity(body.position, body.mass, self.gravity)
             vertices.add_attribute("gravity", computed_attribute=weight)
@@ -209,7 +228,7 @@ class Simulation:
                 self.bodies,
                 self._options,
                 activation_distance=self.activation_distance,
-                time_step=self.time_step,
+                effective_step=self.effective_step,
             )
             if self.contact is not None:
                 for energy in self.contact.energies:
@@ -218,7 +237,7 @@ class Simulation:
         if self._has_friction and self._settings is not None:
             self._options.warn_of(self._settings)
         now = self.time
-        self.stepper = BackwardEuler(
+        self.stepper = TimeStepper(
             self.scene,
             [MovingPart(body.position, self._predicted[body], body.mass) for body in self.moving],
             float(self.time_step.value[0]),
@@ -226,11 +245,14 @@ class Simulation:
             accelerations={target: self.gravity for body in self.moving for target in body.falling},
             settings=self._newton_settings(),
             lagging=self._options.lagging,
+            integrator=self._options.integrator,
+            effective_step=self.effective_step,
             times=self.times,
             arms={target: arm for body in self.moving for target, arm in body.arms.items()},
         )
         self.stepper.time = now
         self.stepper.driven = self.driven.all
+        self.stepper.carried = self._carried
         self.stepper.driven_tolerance = 1e-6 * self.activation_distance
         if self.contact is not None:
             self.stepper.immovable = stands_still(self.bodies)
@@ -310,6 +332,27 @@ class Simulation:
             raise SceneError(f"{body.name} is fixed: a force does nothing to it")
         return self._forces.add(body, force, name)
 
+    def attach(self, companion: Companion) -> None:
+        """Something that goes along with the bodies, such as `Joints`: its `start_step` is called before every step,
+        and the constants of its `history` belong to the state."""
+        if companion not in self._companions:
+            self._companions.append(companion)
+
+    def carry(self, constant: Attribute, attribute: Attribute) -> None:
+        """Sets a stored constant at the beginning of every step so that (attribute - constant) / effective_step is the
+        rate of an attribute at the end of the step: for damping. Raises ShapeMismatchError, SceneError."""
+        if constant.owner is not attribute.owner or constant.shape != attribute.shape:
+            raise ShapeMismatchError(
+                f"what is carried has a constant of its own primitive and shape: {attribute.path} is {attribute.shape},"
+                f" {constant.path} {constant.shape}"
+            )
+        constant.update_value(attribute.value)
+        self._carried.append(Carried(constant, attribute))
+
+    @property
+    def _with_history(self) -> list[Companion]:
+        return [*self.bodies, *self._companions]
+
     # -- steps ---------------------------------------------------------------------------------------------
 
     @property
@@ -335,6 +378,8 @@ class Simulation:
         """
         for call in self.before_step:
             call(self)
+        for one in self._with_history:
+            one.start_step()
         before = self.state()
         seconds = positive_number(self.time_step.value[0], "time_step", "s", SceneError)
         if seconds != self.stepper.time_step:
@@ -384,34 +429,19 @@ class Simulation:
             raise SceneError("this simulation was made with contact=False")
         bodies = [body for body in self.bodies if len(body.rest)]
         masses = [np.zeros(len(b.rest)) if b.is_fixed else np.asarray(b.mass.value) for b in bodies]
-        with self._as_in_last_step():
-            return contact_forces(self.contact, np.concatenate(masses))
+        return contact_forces(self.contact, np.concatenate(masses))
 
     def forces_by_term(self) -> dict[str, dict[str, Float64Array]]:
         """Path of an energy -> path of a target -> minus the energy's gradient there, [instances, 3] in N for a 3x1
         target in metres, else [instances, rows, columns]. These are the generalised forces of reduced coordinates."""
-        with self._as_in_last_step():
-            return forces_by_term(self.scene)
+        return forces_by_term(self.scene)
 
     def report(self) -> StepReport:
         """The present state in numbers: energies, momentum, contact, and what the last step took. All of it is computed
         by this call; steps pay nothing for it."""
         forces = None if self.contact is None else self.contact_forces()
         reach = self.activation_distance
-        with self._as_in_last_step():
-            return step_report(
-                self.scene, self.stepper, frame=self.frame, newton=self._last, forces=forces, reach=reach
-            )
-
-    @contextmanager
-    def _as_in_last_step(self) -> Iterator[None]:
-        """With the time step of the last step, or of its last part: what is read of friction and inertia is of it."""
-        now = self.time_step.value
-        self.time_step.update_value(self.stepper.last_time_step)
-        try:
-            yield
-        finally:
-            self.time_step.update_value(now)
+        return step_report(self.scene, self.stepper, frame=self.frame, newton=self._last, forces=forces, reach=reach)
 
     # -- state ---------------------------------------------------------------------------------------------
 
@@ -419,13 +449,17 @@ class Simulation:
         """All that the next step depends on apart from the scene itself, by name."""
         numbers = {f"target/{target.path}": target.value for target in self.scene.minimize_targets}
         numbers |= {f"target_velocity/{target.path}": v.copy() for target, v in self.stepper.velocities_of_targets()}
+        numbers |= {f"history/{one.path}": one.value for owner in self._with_history for one in owner.history}
+        if (past := self.stepper.past) is not None:
+            numbers |= {f"{PAST}{name}": value for name, value in past.start_numbers().items()}
         numbers |= {f"velocity/{body.name}": self.velocity_of(body) for body in self.moving}
         return numbers | self.driven.state() | {"time": np.array(self.time), "frame": np.array(float(self.frame))}
 
     def restore(self, file: str | Path) -> None:
-        """Sets the state to that of a file that a failed step wrote. Raises SceneError for another file, or one of
-        another scene; IntersectionError if it crosses what is here now, such as an obstacle that was moved since.
-        Nothing has changed then."""
+        """Sets the state to that of a file that a failed step wrote. A state without the step before it, which BDF2
+        remembers, goes on with a step of backward Euler. Raises SceneError for another file, or one of another scene;
+        IntersectionError if it crosses what is here now, such as an obstacle that was moved since. Nothing has changed
+        then."""
         here = self.state()
         state = read_state(file, here)
         try:
@@ -437,6 +471,8 @@ class Simulation:
     def _set_state(self, state: Mapping[str, Float64Array]) -> None:
         for target in self.scene.minimize_targets:
             target.update_value(state[f"target/{target.path}"])
+        for one in (one for owner in self._with_history for one in owner.history):
+            one.update_value(state[f"history/{one.path}"])
         for number, body in enumerate(self.moving):
             self.stepper.velocities[number] = np.array(state[f"velocity/{body.name}"])
         self.driven.set_state(state)
@@ -446,3 +482,4 @@ class Simulation:
         self.stepper.time, self.frame = float(state["time"]), int(state["frame"])
         if self.contact is not None:
             self.contact.reset()
+        self.stepper.remember({name.removeprefix(PAST): np.array(x) for name, x in state.items() if PAST in name})

@@ -7,20 +7,20 @@ from collections.abc import Callable
 from dataclasses import replace
 
 from yasps import NotConvergedError, NotFiniteError
-from yasps.stepping.backward_euler import BackwardEuler
 from yasps.stepping.settings import NewtonReport
+from yasps.stepping.time_stepper import TimeStepper
 
 LOGGER = logging.getLogger("yasps")
 
 
 def step_or_halves(
-    stepper: BackwardEuler, set_time_step: Callable[[float], None], levels: int, until: float | None = None
+    stepper: TimeStepper, set_time_step: Callable[[float], None], levels: int, until: float | None = None
 ) -> NewtonReport:
     """One time step of the stepper, or, where it fails with NotConvergedError or NotFiniteError, two of half the size,
     and so on: up to 2^levels. The report says how many it took.
 
-    set_time_step: gives scene and stepper another step [s]; nothing compiles for it. until: see `BackwardEuler.step`.
-    Raises what `BackwardEuler.step` raises, and what motions of the user's own raise, with everything as it was before
+    set_time_step: gives scene and stepper another step [s]; nothing compiles for it. until: see `TimeStepper.step`.
+    Raises what `TimeStepper.step` raises, and what motions of the user's own raise, with everything as it was before
     the step.
     """
     before, seconds = stepper.save(), stepper.time_step

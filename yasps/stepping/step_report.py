@@ -8,8 +8,8 @@ import numpy as np
 
 from yasps import FloatArray, Scene
 from yasps.contact import ContactForces
-from yasps.stepping.backward_euler import BackwardEuler
 from yasps.stepping.settings import NewtonReport
+from yasps.stepping.time_stepper import TimeStepper
 
 ELASTIC = ("elastic", "membrane", "bending", "orthogonality")
 """Names of the energies that bodies of `yasps.bodies` have of their material."""
@@ -88,7 +88,7 @@ class StepReport:
         return "\n".join(lines)
 
 
-def energies_by_kind(scene: Scene, stepper: BackwardEuler) -> dict[str, float]:
+def energies_by_kind(scene: Scene, stepper: TimeStepper) -> dict[str, float]:
     """Energies now [J]: "kinetic", "elastic", "gravity", "contact", "friction", "other", as `StepReport` has them.
     Gravity and what is elastic are known by the names that bodies and simulations give them."""
     friction = [] if stepper.contact is None or stepper.contact.friction is None else stepper.contact.friction.energies
@@ -108,7 +108,7 @@ def energies_by_kind(scene: Scene, stepper: BackwardEuler) -> dict[str, float]:
 
 def step_report(
     scene: Scene,
-    stepper: BackwardEuler,
+    stepper: TimeStepper,
     *,
     frame: int,
     newton: NewtonReport | None,

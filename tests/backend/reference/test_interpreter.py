@@ -73,7 +73,7 @@ def test_a_scalar_function_as_text() -> None:
     block.add_ops([half, product, power, func.ReturnOp(power.result, x)])
     function = func.FuncOp("f", ([f64, f64], [f64, f64]), Region(block))
     assert function_text(function, "f_one", "double", [1, 1], [2]) == (
-        "static inline void f_one(const double* x0, const double* x1, double* y0) {\n"
+        "static inline void f_one(const double* x0, const double* x1, double* __restrict y0) {\n"
         "    const double t3 = x0[0] * x1[0];\n"
         "    const double t4 = __builtin_pow(t3, 0.5);\n"
         "    y0[0] = t4;\n"

@@ -402,14 +402,14 @@ MUTATIONS = (
     ),
     Mutation(
         "friction counts as settled after one pass",
-        "yasps/stepping/backward_euler.py",
+        "yasps/stepping/time_stepper.py",
         "again.iterations == 1:",
         "again.iterations >= 1:",
         (f"{STEPS}::test_a_cube_slides_to_rest", f"{STEPS}::test_friction_that_does_not_settle_is_said"),
     ),
     Mutation(
         "forces of the old lag say that friction has settled",
-        "yasps/stepping/backward_euler.py",
+        "yasps/stepping/time_stepper.py",
         "return left <= min(",
         "return True or left <= min(",
         (f"{STEPS}::test_forces_say_when_friction_has_settled",),

@@ -14,6 +14,8 @@ START = "tests/contact/test_start_state.py"
 SMALL = (f"{START}::test_small_overlaps_are_measured_and_taken_away",)
 INSIDE = (f"{START}::test_a_body_wholly_inside_another_is_noticed",)
 LARGE = (f"{START}::test_too_large_an_overlap_leaves_everything_as_it_was",)
+CRUSHED = "yasps/contact/crushed_pairs.py"
+SMALLEST = ("tests/contact/test_contact_forces.py::test_the_gradient_of_the_smallest_gaps",)
 THICK = (f"{START}::test_bodies_thicker_than_their_distance_are_parted",)
 
 MUTATIONS = (
@@ -107,5 +109,26 @@ MUTATIONS = (
         "if way > largest_share * size:",
         "if way > 1e9 * size:",
         LARGE,
+    ),
+    Mutation(
+        "crushed pairs are all pairs",
+        CRUSHED,
+        "some <= ALIKE * least",
+        "some <= np.inf",
+        SMALLEST,
+    ),
+    Mutation(
+        "the scene keeps the crushed pairs alone",
+        CRUSHED,
+        "    finally:\n        contact.show_only({})",
+        "    finally:\n        least = 0.0",
+        SMALLEST,
+    ),
+    Mutation(
+        "gaps are distances",
+        CRUSHED,
+        "found[name] -= points.offsets(name, radii)[0]",
+        "found[name] -= 0.0 * points.offsets(name, radii)[0]",
+        SMALLEST,
     ),
 )

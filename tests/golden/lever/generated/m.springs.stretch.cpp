@@ -3,7 +3,7 @@
 // backend/cpp/preludes/kernel.h stands here
 
 extern "C" void yasps<m.tips.x>_value(Arguments a, long i, double* out);
-static inline void value_pack(const V* x0, V* y0) {
+static inline void value_pack(const V* x0, V* __restrict y0) {
     const V t4 = x0[0] - x0[2];
     const V t5 = x0[1] - x0[3];
     const V t6 = t4 * t4;

@@ -11,30 +11,30 @@
 extern "C" void yasps<m.tips.x>_value(Arguments a, long i, double* out);
 extern "C" long yasps<m.tips.x.jacobian>_pull(Arguments a, long i, const V* b, long n, V* out);
 extern "C" void yasps<m.tips.x.jacobian>_curve(Arguments a, long i, const double* v, double* packed, long step, long width, const int* to);
-static inline void derive_pack(const V* x0, V* y0, V* y1, V* y2) {
+static inline void derive_pack(const V* x0, V* __restrict y0, V* __restrict y1, V* __restrict y2) {
     const V t6 = x0[0] - x0[2];
+    y1[0] = t6;
     const V t7 = x0[1] - x0[3];
+    y1[1] = t7;
     const V t9 = t6 * t6;
     const V t10 = t7 * t7;
     const V t11 = t9 + t10;
     const V t13 = splat(0.5) * t11;
-    const V t14 = -t6;
-    const V t15 = -t7;
     y0[0] = t13;
-    y1[0] = t6;
-    y1[1] = t7;
+    const V t14 = -t6;
     y1[2] = t14;
+    const V t15 = -t7;
     y1[3] = t15;
     y2[0] = splat(1.0);
-    y2[1] = splat(0.0);
-    y2[2] = splat(-1.0);
-    y2[3] = splat(0.0);
     y2[4] = splat(1.0);
-    y2[5] = splat(0.0);
-    y2[6] = splat(-1.0);
     y2[7] = splat(1.0);
-    y2[8] = splat(0.0);
     y2[9] = splat(1.0);
+    y2[1] = splat(0.0);
+    y2[3] = splat(0.0);
+    y2[5] = splat(0.0);
+    y2[8] = splat(0.0);
+    y2[2] = splat(-1.0);
+    y2[6] = splat(-1.0);
 }
 
 extern "C" long yasps<m.springs.stretch.derivative>_derive(Arguments a, long begin, long end, const yasps_sink* results) {

@@ -3,7 +3,7 @@
 // backend/cpp/preludes/kernel.h stands here
 
 extern "C" void yasps<m.tips.x.kappa>_value(Arguments a, long i, int* out);
-static inline void value_index(const int* x0, int* y0) {
+static inline void value_index(const int* x0, int* __restrict y0) {
     y0[0] = x0[0];
     y0[1] = x0[1];
 }

@@ -2,13 +2,13 @@
 
 // backend/cpp/preludes/kernel.h stands here
 
-static inline void value_one(const double* x0, const double* x1, double* y0) {
+static inline void value_one(const double* x0, const double* x1, double* __restrict y0) {
     const double t2 = __builtin_sin(x0[0]);
     const double t3 = x1[0] * t2;
+    y0[1] = t3;
     const double t4 = __builtin_cos(x0[0]);
     const double t5 = x1[0] * t4;
     y0[0] = t5;
-    y0[1] = t3;
 }
 
 extern "C" void yasps<m.tips.x>_value(Arguments a, long i, double* out) {

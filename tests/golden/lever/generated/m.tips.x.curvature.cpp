@@ -2,7 +2,7 @@
 
 // backend/cpp/preludes/kernel.h stands here
 
-static inline void second_one(const double* x0, const double* x1, const double* x2, double* y0) {
+static inline void second_one(const double* x0, const double* x1, const double* x2, double* __restrict y0) {
     const double t4 = x1[0] * x2[1];
     const double t5 = __builtin_sin(x0[0]);
     const double t6 = t4 * t5;

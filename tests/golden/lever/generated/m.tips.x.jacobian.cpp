@@ -45,7 +45,7 @@ static inline V v_sin(V a) {
 #endif
 
 extern "C" void yasps<m.tips.x.curvature>_second(Arguments a, long i, const double* v, double* out);
-static inline void pull_back_pack(const V* x0, const V* x1, const V* x2, V* y0) {
+static inline void pull_back_pack(const V* x0, const V* x1, const V* x2, V* __restrict y0) {
     const V t4 = v_cos(x0[0]);
     const V t5 = x1[0] * t4;
     const V t6 = v_sin(x0[0]);

@@ -22,13 +22,13 @@ static inline V v_log(V a) {
 #endif
 
 extern "C" void yasps<both.v.x>_value(Arguments a, long i, double* out);
-static inline void value_uniforms_one(const double* x0, double* y0) {
+static inline void value_uniforms_one(const double* x0, double* __restrict y0) {
     const double t3 = 1.0 / x0[0];
-    y0[0] = x0[1];
     y0[1] = t3;
+    y0[0] = x0[1];
 }
 
-static inline void value_pack(const V* x0, const V* x1, V* y0) {
+static inline void value_pack(const V* x0, const V* x1, V* __restrict y0) {
     const V t8 = x0[0] - x0[3];
     const V t9 = x0[1] - x0[4];
     const V t10 = x0[2] - x0[5];

@@ -27,43 +27,43 @@ static inline V v_log(V a) {
 
 extern "C" long yasps<both.v.x>_pull(Arguments a, long i, const V* b, long n, V* out);
 extern "C" void yasps<both.v.x>_value(Arguments a, long i, double* out);
-static inline void pull_back_pack(const V* x0, V* y0) {
+static inline void pull_back_pack(const V* x0, V* __restrict y0) {
     const V t6 = -x0[0];
-    const V t7 = -x0[1];
-    const V t8 = -x0[2];
-    const V t9 = -x0[3];
-    const V t10 = -x0[4];
-    const V t11 = -x0[5];
-    y0[0] = x0[0];
-    y0[1] = x0[1];
-    y0[2] = x0[2];
     y0[3] = t6;
+    const V t7 = -x0[1];
     y0[4] = t7;
-    y0[5] = t8;
-    y0[6] = x0[3];
-    y0[7] = x0[4];
     y0[8] = t7;
-    y0[9] = t9;
-    y0[10] = t10;
-    y0[11] = x0[5];
+    const V t8 = -x0[2];
+    y0[5] = t8;
     y0[12] = t8;
+    const V t9 = -x0[3];
+    y0[9] = t9;
+    const V t10 = -x0[4];
+    y0[10] = t10;
     y0[13] = t10;
+    const V t11 = -x0[5];
     y0[14] = t11;
+    y0[0] = x0[0];
     y0[15] = x0[0];
+    y0[1] = x0[1];
     y0[16] = x0[1];
+    y0[2] = x0[2];
     y0[17] = x0[2];
+    y0[6] = x0[3];
     y0[18] = x0[3];
+    y0[7] = x0[4];
     y0[19] = x0[4];
+    y0[11] = x0[5];
     y0[20] = x0[5];
 }
 
-static inline void derive_uniforms_one(const double* x0, double* y0) {
+static inline void derive_uniforms_one(const double* x0, double* __restrict y0) {
     const double t3 = 1.0 / x0[0];
-    y0[0] = x0[1];
     y0[1] = t3;
+    y0[0] = x0[1];
 }
 
-static inline void derive_pack(const V* x0, const V* x1, V* y0, V* y1, V* y2) {
+static inline void derive_pack(const V* x0, const V* x1, V* __restrict y0, V* __restrict y1, V* __restrict y2) {
     const V t9 = x0[0] - x0[3];
     const V t10 = x0[1] - x0[4];
     const V t11 = x0[2] - x0[5];
@@ -87,8 +87,11 @@ static inline void derive_pack(const V* x0, const V* x1, V* y0, V* y1, V* y2) {
     const V t30 = t26 - t29;
     const V t31 = splat(2.0) * t30;
     const V t32 = t9 * t31;
+    y1[0] = t32;
     const V t33 = t10 * t31;
+    y1[1] = t33;
     const V t34 = t11 * t31;
+    y1[2] = t34;
     const V t35 = x1[1] * t24;
     const V t36 = t20 * t35;
     const V t37 = t18 * t19;
@@ -111,35 +114,32 @@ static inline void derive_pack(const V* x0, const V* x1, V* y0, V* y1, V* y2) {
     const V t54 = t11 * t53;
     const V t55 = splat(2.0) * t54;
     const V t56 = t9 * t55;
+    y2[2] = t56;
     const V t57 = t10 * t55;
+    y2[4] = t57;
     const V t58 = t11 * t55;
     const V t59 = t31 + t58;
+    y2[5] = t59;
     const V t60 = t10 * t53;
     const V t61 = splat(2.0) * t60;
     const V t62 = t9 * t61;
+    y2[1] = t62;
     const V t63 = t10 * t61;
     const V t64 = t31 + t63;
+    y2[3] = t64;
     const V t65 = t9 * t53;
     const V t66 = t9 * t65;
     const V t67 = splat(2.0) * t66;
     const V t68 = t31 + t67;
-    const V t69 = t18 * t21;
-    const V t70 = -t32;
-    const V t71 = -t33;
-    const V t72 = -t34;
-    y0[0] = t69;
-    y1[0] = t32;
-    y1[1] = t33;
-    y1[2] = t34;
-    y1[3] = t70;
-    y1[4] = t71;
-    y1[5] = t72;
     y2[0] = t68;
-    y2[1] = t62;
-    y2[2] = t56;
-    y2[3] = t64;
-    y2[4] = t57;
-    y2[5] = t59;
+    const V t69 = t18 * t21;
+    y0[0] = t69;
+    const V t70 = -t32;
+    y1[3] = t70;
+    const V t71 = -t33;
+    y1[4] = t71;
+    const V t72 = -t34;
+    y1[5] = t72;
 }
 
 extern "C" long yasps<both.pp.barrier.derivative>_derive(Arguments a, long begin, long end, const yasps_sink* results) {

@@ -2,7 +2,7 @@
 
 // backend/cpp/preludes/kernel.h stands here
 
-static inline void value_one(const double* x0, const double* x1, const double* x2, double* y0) {
+static inline void value_one(const double* x0, const double* x1, const double* x2, double* __restrict y0) {
     const double t15 = x1[0] * x2[0];
     const double t16 = x1[1] * x2[1];
     const double t17 = x1[2] * x2[2];
@@ -15,14 +15,14 @@ static inline void value_one(const double* x0, const double* x1, const double* x
     const double t24 = x0[0] + t17;
     const double t25 = t15 + t24;
     const double t26 = t16 + t25;
+    y0[0] = t26;
     const double t27 = x0[1] + t20;
     const double t28 = t18 + t27;
     const double t29 = t19 + t28;
+    y0[1] = t29;
     const double t30 = x0[2] + t23;
     const double t31 = t21 + t30;
     const double t32 = t22 + t31;
-    y0[0] = t26;
-    y0[1] = t29;
     y0[2] = t32;
 }
 

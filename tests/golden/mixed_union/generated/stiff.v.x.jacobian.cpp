@@ -2,28 +2,28 @@
 
 // backend/cpp/preludes/kernel.h stands here
 
-static inline void pull_back_pack(const V* x0, const V* x1, V* y0) {
+static inline void pull_back_pack(const V* x0, const V* x1, V* __restrict y0) {
     const V t6 = x0[0] * x1[0];
+    y0[3] = t6;
     const V t7 = x0[1] * x1[0];
+    y0[4] = t7;
     const V t8 = x0[2] * x1[0];
+    y0[5] = t8;
     const V t9 = x0[0] * x1[1];
+    y0[6] = t9;
     const V t10 = x0[1] * x1[1];
+    y0[7] = t10;
     const V t11 = x0[2] * x1[1];
+    y0[8] = t11;
     const V t12 = x0[0] * x1[2];
+    y0[9] = t12;
     const V t13 = x0[1] * x1[2];
+    y0[10] = t13;
     const V t14 = x0[2] * x1[2];
+    y0[11] = t14;
     y0[0] = x1[0];
     y0[1] = x1[1];
     y0[2] = x1[2];
-    y0[3] = t6;
-    y0[4] = t7;
-    y0[5] = t8;
-    y0[6] = t9;
-    y0[7] = t10;
-    y0[8] = t11;
-    y0[9] = t12;
-    y0[10] = t13;
-    y0[11] = t14;
 }
 
 extern "C" long yasps<stiff.v.x.jacobian>_pull(Arguments a, long i, const V* b, long n, V* out) {

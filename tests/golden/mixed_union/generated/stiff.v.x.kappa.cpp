@@ -4,7 +4,7 @@
 
 extern "C" void yasps<soft.v.x.kappa>_value(Arguments a, long i, int* out);
 extern "C" void yasps<stiff.body.A.kappa>_value(Arguments a, long i, int* out);
-static inline void value_index(const int* x0, const int* x1, int* y0) {
+static inline void value_index(const int* x0, const int* x1, int* __restrict y0) {
     y0[0] = x0[0];
     y0[1] = x1[0];
 }

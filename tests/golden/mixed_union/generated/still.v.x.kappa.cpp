@@ -2,7 +2,7 @@
 
 // backend/cpp/preludes/kernel.h stands here
 
-static inline void value_index(int* y0) {
+static inline void value_index(int* __restrict y0) {
     y0[0] = 0;
 }
 

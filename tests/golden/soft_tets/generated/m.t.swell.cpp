@@ -2,11 +2,11 @@
 
 // backend/cpp/preludes/kernel.h stands here
 
-static inline void value_uniforms_one(const double* x0, double* y0) {
+static inline void value_uniforms_one(const double* x0, double* __restrict y0) {
     y0[0] = x0[0];
 }
 
-static inline void value_pack(const V* x0, const V* x1, V* y0) {
+static inline void value_pack(const V* x0, const V* x1, V* __restrict y0) {
     const V t14 = x0[0] - x0[9];
     const V t15 = x0[1] - x0[10];
     const V t16 = x0[2] - x0[11];

@@ -2,11 +2,11 @@
 
 // backend/cpp/preludes/kernel.h stands here
 
-static inline void value_uniforms_one(const double* x0, double* y0) {
+static inline void value_uniforms_one(const double* x0, double* __restrict y0) {
     y0[0] = x0[0];
 }
 
-static inline void value_pack(const V* x0, const V* x1, const V* x2, V* y0) {
+static inline void value_pack(const V* x0, const V* x1, const V* x2, V* __restrict y0) {
     const V t5 = x0[1] * x1[0];
     const V t6 = x2[0] * t5;
     y0[0] = t6;

@@ -2,15 +2,15 @@
 
 // backend/cpp/preludes/kernel.h stands here
 
-static inline void derive_uniforms_one(const double* x0, double* y0) {
+static inline void derive_uniforms_one(const double* x0, double* __restrict y0) {
     y0[0] = x0[0];
 }
 
-static inline void derive_pack(const V* x0, const V* x1, V* y0, V* y1) {
+static inline void derive_pack(const V* x0, const V* x1, V* __restrict y0, V* __restrict y1) {
     const V t3 = x1[0] * x0[0];
+    y1[1] = t3;
     y0[0] = splat(0.0);
     y1[0] = splat(0.0);
-    y1[1] = t3;
     y1[2] = splat(0.0);
 }
 
