@@ -211,10 +211,10 @@ def test_a_thick_sheet_is_bent_between_what_can_not_move() -> None:
     scene = Scene("bent", threads=1)
     cloth = Cloth(scene, "cloth", cloth_grid((0.2, 0.2), (7, 7)), radius=3e-3)
     block = box((0.04, 0.04, 0.02), (1, 1, 1))
-    surface = TriangleMesh(block.vertices, block.surface_triangles())
+    placed = {"above": block.translated((-0.07, 0.0, 0.013)), "below": block.translated((0.07, 0.0, -0.013))}
     blocks = [
-        Obstacle(scene, name, TriangleMesh(surface.vertices + [x, 0.0, z], surface.triangles), radius=2e-3)
-        for name, x, z in (("above", -0.07, 0.013), ("below", 0.07, -0.013))
+        Obstacle(scene, name, TriangleMesh(shape.vertices, shape.surface_triangles()), radius=2e-3)
+        for name, shape in placed.items()
     ]
     assert {finding.bodies for finding in start_state([cloth, *blocks]).touching} == {
         ("cloth", "above"),
