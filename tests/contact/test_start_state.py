@@ -206,6 +206,29 @@ def test_bodies_thicker_than_their_distance_are_parted() -> None:
     assert 0.0058 < cloth.positions()[over, 2].min() - top < 0.007
 
 
+def test_a_thick_sheet_is_bent_between_what_can_not_move() -> None:
+    """One block is too near from above, another from below, so no translation helps; radii count where it is bent."""
+    scene = Scene("bent", threads=1)
+    cloth = Cloth(scene, "cloth", cloth_grid((0.2, 0.2), (7, 7)), radius=3e-3)
+    block = box((0.04, 0.04, 0.02), (1, 1, 1))
+    placed = {"above": block.translated((-0.07, 0.0, 0.013)), "below": block.translated((0.07, 0.0, -0.013))}
+    blocks = [
+        Obstacle(scene, name, TriangleMesh(shape.vertices, shape.surface_triangles()), radius=2e-3)
+        for name, shape in placed.items()
+    ]
+    assert {finding.bodies for finding in start_state([cloth, *blocks]).touching} == {
+        ("cloth", "above"),
+        ("cloth", "below"),
+    }
+    separation = separate([cloth, *blocks], gap=1e-3)
+    assert separation.bent
+    assert start_state([cloth, *blocks]).is_apart
+    x = cloth.positions()
+    for side in (-1.0, 1.0):
+        near = (np.abs(x[:, 0] - side * 0.07) < 0.02) & (np.abs(x[:, 1]) < 0.02)
+        np.testing.assert_allclose(side * x[near, 2], 0.003, atol=4e-4)  # 3 + 2 + 1 mm from what was 3 mm away
+
+
 @pytest.mark.parametrize("other", ["half-space", "obstacle", "moving obstacle"])
 def test_a_moving_obstacle_has_to_be_apart_from_all_that_stands_still(other: str) -> None:
     """It meets them while it moves; what never moves may overlap. The scene is as before after the error."""

@@ -61,7 +61,8 @@ class SoftBody(Body):
         self.add_energy(self.tets.add_attribute("elastic", computed_attribute=elastic))
 
     def set_stiffness(self, youngs_modulus: float, poisson_ratio: float) -> None:
-        """Changes the material [Pa] between steps; nothing is compiled again. Raises SceneError."""
+        """Changes the material [Pa] between steps; nothing is compiled again. Contact keeps the stiffness that it has.
+        Raises SceneError."""
         mu, lam = materials.stable_neo_hookean_parameters(youngs_modulus, poisson_ratio)
         self.mu.update_value(mu)
         self.lam.update_value(lam)
