@@ -70,7 +70,8 @@ class MatmulOp(MatOp):
     def lower(self, s: ScalarGraph, *inputs: Sequence[Node]) -> list[Node]:
         (rows, inner), (_, cols) = shape_of(self.operands[0]), shape_of(self.operands[1])
         a, b = inputs
-        return [s.dot(a[i * inner : (i + 1) * inner], b[j::cols]) for i in range(rows) for j in range(cols)]
+        made = s.products([a[i * inner : (i + 1) * inner] for i in range(rows)], [b[j::cols] for j in range(cols)])
+        return [entry for row in made for entry in row]
 
 
 @irdl_op_definition

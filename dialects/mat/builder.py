@@ -79,10 +79,13 @@ class MatBuilder:
     # -- leaves --------------------------------------------------------------------------------------------
 
     def constant(self, values: ArrayLike, element: Float64Type | IntegerType = f64) -> SSAValue:
-        entries = np.atleast_2d(np.asarray(values))
+        entries = np.atleast_2d(np.asarray(values, float))
         rows, cols = entries.shape
-        value = dense(entries, matrix_type((rows, cols), element))
-        return self.emit(structure.ConstantOp, [], {"value": value}, element)
+        key = (structure.ConstantOp, rows, cols, entries.tobytes(), element)
+        if key not in self._known:
+            value = dense(entries, matrix_type((rows, cols), element))
+            self._known[key] = self.emit(structure.ConstantOp, [], {"value": value}, element)
+        return self._known[key]
 
     def number(self, value: float) -> SSAValue:
         return self.constant([[value]])

@@ -142,7 +142,7 @@ class CongruenceOp(MatOp):
         # Of two columns s is applied to the one that begins lower: if l is made of blocks, whole blocks are never
         # needed.
         starts = [next((i for i, node in enumerate(column) if node != s.zero), inner) for column in columns]
-        applied = [[s.dot(row, column) for row in symmetric] for column in columns]
+        applied = s.products(columns, symmetric)
 
         @cache
         def entry(i: int, j: int) -> Node:

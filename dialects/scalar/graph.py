@@ -289,6 +289,24 @@ class ScalarGraph:
     def dot(self, left: Sequence[Node], right: Sequence[Node]) -> Node:
         return self.sum([self.mul(a, b) for a, b in zip(left, right, strict=True)])
 
+    def products(self, rows: Sequence[Sequence[Node]], columns: Sequence[Sequence[Node]]) -> list[list[Node]]:
+        """Dot products of each row with each column, a list for each row; zeros are not visited one by one."""
+        of_columns = [self._nonzero(column) for column in columns]
+        result: list[list[Node]] = []
+        for row in rows:
+            of_row = self._nonzero(row)
+            result.append([])
+            for column, of_column in zip(columns, of_columns, strict=True):
+                if len(of_row) <= len(of_column):
+                    terms = [self.mul(a, column[k]) for k, a in of_row if column[k] != self.zero]
+                else:
+                    terms = [self.mul(row[k], b) for k, b in of_column if row[k] != self.zero]
+                result[-1].append(self.sum(terms))
+        return result
+
+    def _nonzero(self, entries: Sequence[Node]) -> list[tuple[int, Node]]:
+        return [(k, node) for k, node in enumerate(entries) if node != self.zero]
+
     def linear_terms(self, a: Node) -> dict[Node, float]:
         """The node as a sum of multiples of nodes that are no sums themselves; a number is a multiple of one."""
         terms: dict[Node, float] = {}

@@ -9,6 +9,7 @@ KERNELS = ("tests/backend/cpp/test_kernels.py",)
 BLOCKS = (
     "tests/backend/cpp/test_kernels.py::test_blocks_of_other_sizes_than_3x3_are_turned_where_they_lie_below_the_diagonal",
 )
+DIVIDED = ("tests/backend/codegen/test_scalar_function.py",)
 NOT_FINITE = "tests/backend/cpp/test_not_finite.py"
 
 MUTATIONS = (
@@ -179,5 +180,12 @@ MUTATIONS = (
         "r <= c ? upper_place(n, r, c) : upper_place(n, c, r)",
         "upper_place(n, r, c)",
         ("tests/backend/codegen/test_agreement.py::test_a_packed_triangle_has_one_order",),
+    ),
+    Mutation(
+        "divided functions: a place is used again by the part that still reads it",
+        "backend/codegen/scalar_function.py",
+        "freed_after[last_use[value]] += to",
+        "freed_after[k] += to",
+        DIVIDED,
     ),
 )

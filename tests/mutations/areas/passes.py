@@ -11,6 +11,7 @@ ISOTROPY = (
     "tests/passes/analysis/test_isotropy.py::test_not_proven",
     "tests/passes/analysis/test_isotropy.py::test_proven",
 )
+CHAINS = ("tests/passes/calculus/test_scalar_chains.py",)
 DERIVATIVES = ("tests/passes/transforms/test_differentiate.py",)
 
 MUTATIONS = (
@@ -118,5 +119,42 @@ MUTATIONS = (
         "stack.extend(name_of(member) for member in op.members)",
         "pass",
         ("tests/passes/transforms/test_inline_references.py",),
+    ),
+    Mutation(
+        "forward mode: what two changed values make is visited with the first alone",
+        "passes/calculus/derivatives.py",
+        "heappush(waiting, user)",
+        "waiting.insert(0, user)",
+        EXPRESSIONS,
+    ),
+    Mutation(
+        "forward mode: what is as old as the seeds counts as older",
+        "passes/calculus/derivatives.py",
+        "self.b.age(current) < self._oldest",
+        "self.b.age(current) <= self._oldest + 1",
+        CHAINS,
+    ),
+    Mutation(
+        "scalar chains: a quotient slope / norm may have any front",
+        "passes/calculus/scalar_chains.py",
+        "and all(u is norm for norm in norms for u in front)",
+        "",
+        CHAINS,
+    ),
+    Mutation(
+        "scalar chains: a front is not followed to the bottleneck before it",
+        "passes/calculus/scalar_chains.py",
+        "if not inner or len(front) > FARTHEST_FRONT:",
+        "if best is not None:",
+        CHAINS,
+    ),
+    Mutation(
+        "verification: operations on operands of other shapes look the same",
+        "passes/pipeline.py",
+        "operands = [(type(operand), operand.type) for operand in op.operands]",
+        "operands = [type(operand) for operand in op.operands]",
+        (
+            "tests/passes/test_pipeline.py::test_an_operation_that_a_pass_breaks_is_found_beside_equal_ones_that_are_whole",
+        ),
     ),
 )

@@ -10,6 +10,7 @@ from mat_bodies import block_of, run_block
 from xdsl.ir import SSAValue
 
 from yasps.dialects.mat import MatBuilder
+from yasps.dialects.mat.algebra import NormOp
 from yasps.dialects.mat.comparison import SelectOp
 from yasps.dialects.mat.elementwise import TABLED
 from yasps.passes.calculus.derivatives import jacobian
@@ -121,3 +122,16 @@ def test_a_choice_is_no_part_of_a_chain(b: MatBuilder) -> None:
     matrix = jacobian(b, [value], [x, y])
     inputs = [np.array([[[1.0], [2.0], [3.0]]]), np.zeros((1, 3, 1))]
     assert np.allclose(run_block(b.body, inputs)[matrix][0], [[56.0, 112.0, 168.0, 0.0, 0.0, 0.0]])
+
+
+def test_a_quotient_by_a_norm_has_no_front_but_that_norm(b: MatBuilder) -> None:
+    """Where slope and norm are 0, the quotient's derivative with respect to anything else is infinite."""
+    x, y = b.body.args
+    norm, other = b.emit(NormOp, [x]), b.dot(y, y)
+    chains = chains_of([x, y])
+    alone = b.over_norm(b.scale(norm, norm), norm)
+    assert front(chains, alone) == [norm]
+    assert front(chains, b.scale(alone, alone)) == [norm]
+    mixed = b.over_norm(b.scale(norm, other), norm)
+    assert front(chains, mixed) is None
+    assert front(chains, b.scale(mixed, mixed)) == [mixed]
