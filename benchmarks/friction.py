@@ -1,4 +1,5 @@
-"""What friction takes beside the barrier that it belongs to, per close pair."""
+"""What friction takes beside the barrier that it belongs to, per close pair; and what the improved max operator takes
+of the search for these pairs."""
 
 from __future__ import annotations
 
@@ -10,13 +11,14 @@ import numpy as np
 from benchmarks.kernel_problem import on_cpu
 from benchmarks.measure import Peer, Report, Row, Settings, measure
 from yasps import FloatArray, Scene
-from yasps.contact import BarrierContact, ContactTable
+from yasps.contact import BarrierContact, CollisionGeometry, ContactTable
 from yasps.frontend.commands.environment_report import cpu_model
 from yasps.frontend.execution.cpu_scene import CpuScene
 from yasps.meshes import ground
 from yasps.runtime.core.library import available_processors
 
-DESCRIPTION = "energies, gradients and Hessians of friction beside those of its barrier"
+DESCRIPTION = "energies, gradients and Hessians of friction beside those of its barrier; improved max in the search"
+WITHOUT = "no improved max"
 DEFAULT_SIZE = 40_000
 PAIRS_PER_CELL = 22
 SLIP_LENGTH = 1e-5  # m
@@ -25,7 +27,9 @@ NOTES = (
     "Two rough sheets of triangles over each other, all vertices free, barrier with areas: pairs of all kinds as they "
     "come, the same for both. Slips are from 0 to some slip lengths.",
     "energy; gradient; gradient and projected Hessian, added to the global ones. The pairs have their places already.",
-    "search, bound: the close pairs among candidates, and the step that is free of collisions; friction needs neither.",
+    "search, bound: the close pairs among candidates, and the step that is free of collisions; friction needs neither. "
+    "whole search: with the candidates. Both also without the improved max operator, per pair with it: equal pairs are "
+    "merged then, and are fewer.",
     "a Newton iteration: energy, gradient and Hessian, search and bound, once each. Processor time, one thread.",
     "lag: giving friction other pairs and positions, and these their places; once in a step.",
 )
@@ -93,9 +97,14 @@ def run(settings: Settings) -> Report:
     way = positions + 0.1 * reach * np.random.default_rng(1).uniform(-1, 1, positions.shape)
     candidates = barrier.geometry.candidates(positions, way)
     search = partial(barrier.geometry.active_set, positions, candidates)
+    plain = CollisionGeometry(positions, barrier.geometry.triangles, reach)
+    plain_search = partial(plain.active_set, positions, plain.candidates(positions, way))
     bound = partial(barrier.geometry.step_bound, positions, way, candidates, start_is_free=True)
     peers += [
         Peer("search", "barrier", 1, search, 1e9 / count, UNIT),
+        Peer("search", WITHOUT, 1, plain_search, 1e9 / count, UNIT),
+        Peer("whole search", "barrier", 1, partial(barrier.geometry.active_set, positions), 1e9 / count, UNIT),
+        Peer("whole search", WITHOUT, 1, partial(plain.active_set, positions), 1e9 / count, UNIT),
         Peer("bound", "barrier", 1, bound, 1e9 / count, UNIT),
         Peer("lag", "friction", 1, partial(lag, lagged, lagging, positions), 1e9 / count, UNIT),
     ]

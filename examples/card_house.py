@@ -65,7 +65,9 @@ def card_house(friction: float = FRICTION, scene: Scene | None = None) -> Simula
         activation_distance=DISTANCE,
         contacts=ContactTable(friction=friction),
         eps_v=SLIP_SPEED,
-        settings=NewtonSettings(velocity_tolerance=0.1 * SLIP_SPEED, solver="direct", max_iterations=500),
+        settings=NewtonSettings(
+            velocity_tolerance=0.1 * SLIP_SPEED, relative_force_tolerance=1e-3, solver="direct", max_iterations=500
+        ),
     )
 
 

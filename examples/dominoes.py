@@ -43,7 +43,9 @@ def dominoes(count: int = 12, scene: Scene | None = None) -> Simulation:
         time_step=0.005,
         activation_distance=DISTANCE,
         contacts=contacts,
-        settings=NewtonSettings(velocity_tolerance=1e-4, solver="direct", max_iterations=500),
+        settings=NewtonSettings(
+            velocity_tolerance=1e-4, relative_force_tolerance=1e-3, solver="direct", max_iterations=500
+        ),
     )
     # It turns about its lower front edge.
     simulation.set_velocity(row[0], (0.5 * PUSH * HEIGHT, 0.0, -0.5 * PUSH * THICKNESS), angular=(0.0, PUSH, 0.0))

@@ -29,6 +29,7 @@ DEPTH = 0.2  # m
 DISTANCE = 1e-3  # m, of activation
 GAP = 0.995 * DISTANCE  # between stones at the start: near where they come to rest
 BELOW = 0.4  # m, from the tops of the abutments down to the ground
+SLIP_SPEED = 1e-3  # m/s
 
 
 def arch_stones(count: int = 25) -> list[TetrahedralMesh]:
@@ -57,8 +58,11 @@ def arch_stones(count: int = 25) -> list[TetrahedralMesh]:
     return stones
 
 
-def masonry_arch(friction: float, count: int = 25, scene: Scene | None = None) -> Simulation:
-    """The arch between two abutments with level tops, above the ground."""
+def masonry_arch(
+    friction: float, count: int = 25, scene: Scene | None = None, *, slip_speed: float = SLIP_SPEED
+) -> Simulation:
+    """The arch between two abutments with level tops, above the ground. slip_speed [m/s]: what friction holds creeps
+    slower than this."""
     scene = scene or Scene("masonry_arch")
     stones = [
         AffineBody(scene, f"stone_{number}", shape, density=2300.0, youngs_modulus=1e9)
@@ -75,7 +79,10 @@ def masonry_arch(friction: float, count: int = 25, scene: Scene | None = None) -
         [*stones, *abutments, HalfSpace(scene, "ground", height=-BELOW)],
         activation_distance=DISTANCE,
         contacts=ContactTable(friction=friction),
-        settings=NewtonSettings(velocity_tolerance=1e-4, solver="direct", max_iterations=500),
+        eps_v=slip_speed,
+        settings=NewtonSettings(
+            velocity_tolerance=0.1 * slip_speed, relative_force_tolerance=1e-3, solver="direct", max_iterations=500
+        ),
     )
 
 

@@ -12,7 +12,7 @@ import pytest
 
 ROOT = Path(__file__).parents[1]
 COMPILER = ("dialects", "passes", "runtime", "backend", "frontend")
-KIT = ("materials", "meshes", "output", "contact", "bodies", "stepping", "simulation")
+KIT = ("materials", "meshes", "output", "contact", "parameterisations", "bodies", "stepping", "simulation")
 MAY_IMPORT = {
     "dialects": set[str](),
     "runtime": set[str](),
@@ -34,7 +34,8 @@ KIT_ROOMS = {
     "meshes": set[str](),
     "output": set[str](),
     "contact": {"meshes"},
-    "bodies": {"materials", "meshes", "contact"},
+    "parameterisations": {"meshes"},
+    "bodies": {"materials", "meshes", "contact", "parameterisations"},
     "stepping": {"materials", "contact", "output"},
     "simulation": {"materials", "meshes", "output", "contact", "bodies", "stepping"},
 }

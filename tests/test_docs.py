@@ -15,19 +15,26 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 from xdsl.parser import Parser
 
-from yasps import Attribute, Scene, concat_cols, concat_rows, identity, stumpff
+from benchmarks import parts
+from yasps import Attribute, Scene, concat_cols, concat_rows, identity, materials, stumpff
+from yasps.bodies import SoftBody
 from yasps.dialects.mat import OPERATIONS
 from yasps.examples import two_bunnies
 from yasps.frontend import errors
 from yasps.frontend.commands import yasps_opt
+from yasps.meshes import box
 from yasps.passes.ir_text import text_of
 from yasps.passes.pipeline import PIPELINE, make_context
+from yasps.simulation import Simulation
+from yasps.stepping import BDF2
 
 ROOT = Path(__file__).parents[1]
 ARCHITECTURE = ROOT / "docs" / "architecture.md"
 LANGUAGE = ROOT / "docs" / "language.md"
 GPU = ROOT / "docs" / "gpu.md"
 STEPPING = ROOT / "docs" / "contact-and-stepping.md"
+PARAMETERISATIONS = ROOT / "docs" / "parameterisations.md"
+PARTS = ROOT / "docs" / "parts.md"
 README = ROOT / "README.md"
 DOCUMENTS = [README, *sorted((ROOT / "docs").glob("*.md"))]
 ADVICE = "if that is meant, run `python docs/update_excerpts.py` and look at `git diff`"
@@ -286,10 +293,35 @@ def test_a_hinge_in_numpys_words_is_what_numpy_computes() -> None:
     assert symbolic["energy"].value.item() == pytest.approx(float(numbers["energy"]), rel=1e-14)
 
 
+def test_frames_of_a_rod_are_carried_along() -> None:
+    (code,) = blocks(PARTS, "python")
+    names: dict[str, Any] = {}
+    exec(code, names)
+    along = names["directors"] @ (names["moved"][1:] - names["moved"][:-1]).T
+    np.testing.assert_allclose(np.diag(along), 0.0, atol=1e-15)
+    assert names["twists"].shape == (1,)
+
+
+def test_every_energy_has_its_line() -> None:
+    """In docs/parts.md, with its width and time as `python -m benchmarks parts` prints them."""
+    text = PARTS.read_text(encoding="utf-8")
+    lines = re.findall(r"^\| `(\w+)\(.*\| (\d+) \| (\d+) \|$", text, re.MULTILINE)
+    assert sorted(name for name, _, _ in lines) == sorted(part.name for part in parts.PARTS)
+    assert {name for name in materials.__all__ if not re.search(rf"\b{name}\b", text)} <= {"Scalar"}
+
+
 def test_every_python_block_is_run() -> None:
     """Whoever writes one more writes a test of it."""
     shown = {name.name: len(re.findall(r"```python", name.read_text(encoding="utf-8"))) for name in DOCUMENTS}
-    run = {"README.md": 1, "architecture.md": 1, "contact-and-stepping.md": 4, "gpu.md": 1, "language.md": 6}
+    run = {
+        "README.md": 1,
+        "architecture.md": 1,
+        "contact-and-stepping.md": 5,
+        "gpu.md": 1,
+        "language.md": 6,
+        "parameterisations.md": 1,
+        "parts.md": 1,
+    }
     assert {name: count for name, count in shown.items() if count} == run
 
 
@@ -354,6 +386,24 @@ def test_overlaps_are_taken_away(capsys: pytest.CaptureFixture[str]) -> None:
     assert after.startswith(promised[1])
 
 
+@pytest.mark.slow
+def test_the_damping_of_the_document_takes_motion_away() -> None:
+    *_, code, _, _ = blocks(STEPPING, "python")
+    kinetic = []
+    for damped in (False, True):
+        scene = Scene("damped", threads=1)
+        body = SoftBody(scene, "cube", box((0.1, 0.1, 0.1), (1, 1, 1)))
+        simulation = Simulation(scene, [body], contact=False, gravity=(0.0, 0.0, 0.0), integrator=BDF2, time_step=1e-3)
+        if damped:
+            exec(code, {"body": body, "simulation": simulation, "materials": materials})
+        body.position.update_value(1.1 * body.rest)
+        kinetic.append(0.0)
+        for _ in range(60):
+            simulation.step()
+            kinetic[-1] += simulation.stepper.kinetic_energy()
+    assert 0.0 < kinetic[1] < 0.9 * kinetic[0]
+
+
 def test_the_cube_drops_and_drifts() -> None:
     *_, code, _ = blocks(STEPPING, "python")
     names: dict[str, object] = {}
@@ -372,3 +422,15 @@ def test_the_stepper_runs() -> None:
     lowest = names["lowest"]
     assert isinstance(lowest, float)
     assert 0.0 < lowest < 2e-3  # it started 10 mm up; pairs repel below 2 mm
+
+
+# -- parameterisations.md ----------------------------------------------------------------------------------------------
+
+
+@pytest.mark.slow
+def test_the_pendulum_of_the_document_turns(capsys: pytest.CaptureFixture[str]) -> None:
+    (code,) = blocks(PARAMETERISATIONS, "python")
+    exec(code, {})
+    angle, gap = (float(word) for word in capsys.readouterr().out.split())
+    assert 0.0 < angle < 0.3
+    assert 0.0 < gap < 1e-5

@@ -30,8 +30,10 @@ from yasps.backend.reference.interpreter import Interpreter
 from yasps.contact import CollisionGeometry
 from yasps.frontend.execution.compiled_scene import CompiledScene
 from yasps.contact import BarrierContact
+from yasps.bodies import Joints
 from yasps.materials import *
-from yasps.stepping import BackwardEuler, MovingPart, NewtonReport, NewtonSettings, minimize
+from yasps.stepping import BACKWARD_EULER, LoadStep, MovingPart, NewtonReport, NewtonSettings, TimeStepper, minimize
+from yasps.stepping import quasi_static
 from yasps.passes.pipeline import run_pipeline
 from yasps.runtime.solvers.pcg import SolveReport
 from yasps.simulation import Simulation
@@ -54,8 +56,12 @@ STANDS_FOR = {
     "compiled_scene": "CompiledScene",
     "contact": "BarrierContact",
     "geometry": "CollisionGeometry",
-    "stepper": "BackwardEuler",
+    "stepper": "TimeStepper",
     "simulation": "Simulation",
+    "joints": "Joints",
+    "bodies": "Any",
+    "set_load": "Any",
+    "share": "Any",
     "pins": "DrivenVertices",
     "module": "Any",
     "data": "Any",
@@ -117,7 +123,7 @@ def as_python(code: str) -> str | None:
 
 def script(codes: list[str]) -> str:
     """A user's script with these pieces, each in a function of its own, in order from line 1 of the result's end."""
-    known = {*re.findall(r"\w+", PREAMBLE), *yasps.__all__, *dir(builtins), *dir(materials)}
+    known = {*re.findall(r"\w+", PREAMBLE), *yasps.__all__, *dir(builtins), *materials.__all__}
     names = {node.id for code in codes for node in ast.walk(ast.parse(code)) if isinstance(node, ast.Name)}
     declared = [f"{name}: {kind}" for name, kind in STANDS_FOR.items()]
     declared += [f"{name}: Any" for name in sorted(names - known - set(STANDS_FOR))]

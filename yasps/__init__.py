@@ -36,7 +36,17 @@ from yasps.frontend.language.attribute import (
     zeros,
 )
 from yasps.frontend.language.connectivity import Connectivity
-from yasps.frontend.language.functions import atan2, hypot, maximum, minimum, select, stumpff
+from yasps.frontend.language.functions import (
+    atan2,
+    eigenvalues,
+    hypot,
+    maximum,
+    minimum,
+    polar,
+    select,
+    singular_values,
+    stumpff,
+)
 from yasps.frontend.language.mesh import Mesh
 from yasps.frontend.language.nodes import ComputedValue, FloatArray
 from yasps.frontend.language.primitive import Primitive, PrimitiveBase, PrimitiveUnion
@@ -52,6 +62,7 @@ adviceOn = advice_on  # noqa: N816
 asAttribute = as_attribute  # noqa: N816
 concatCols = concat_cols  # noqa: N816
 concatRows = concat_rows  # noqa: N816
+singularValues = singular_values  # noqa: N816
 solveNewtonSystem = solve_newton_system  # noqa: N816
 solveOptions = solve_options  # noqa: N816
 
@@ -102,12 +113,16 @@ __all__ = [
     "concat_cols",
     "concat_rows",
     "constant",
+    "eigenvalues",
     "hypot",
     "identity",
     "maximum",
     "minimum",
+    "polar",
     "scene",
     "select",
+    "singularValues",
+    "singular_values",
     "solveNewtonSystem",
     "solveOptions",
     "solve_newton_system",

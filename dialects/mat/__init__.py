@@ -2,7 +2,7 @@
 
 Values are `tensor<RxCxf64>` (or `xi32` for placement indices), one for every instance of a primitive. Each operation
 holds in one class its shape law, its NumPy meaning, its derivative rule and its scalar code; the classes stand in
-`elementwise`, `trigonometry`, `comparison`, `algebra`, `structure` and `calculus`.
+`elementwise`, `trigonometry`, `comparison`, `algebra`, `spectral`, `structure` and `calculus`.
 """
 
 from typing import cast
@@ -11,7 +11,7 @@ from xdsl.dialect_interfaces.constant_materialization import ConstantMaterializa
 from xdsl.dialects.builtin import DenseIntOrFPElementsAttr
 from xdsl.ir import Attribute, Dialect, Operation
 
-from yasps.dialects.mat import algebra, calculus, comparison, elementwise, structure, trigonometry
+from yasps.dialects.mat import algebra, calculus, comparison, elementwise, spectral, structure, trigonometry
 from yasps.dialects.mat.base import (
     Batch,
     MatOp,
@@ -30,6 +30,7 @@ OPERATIONS: tuple[type[MatOp], ...] = (
     *trigonometry.OPS,
     *comparison.OPS,
     *algebra.OPS,
+    *spectral.OPS,
     *structure.OPS,
     *calculus.OPS,
 )

@@ -86,6 +86,8 @@ class MatOp(IRDLOperation, HasFolderInterface, abc.ABC):
     DIFFERENTIABLE: ClassVar[bool] = True
     HELD_CONSTANT: ClassVar[bool] = False
     """Is the result constant for differentiation, whatever the operands? Then the derivative rules give None."""
+    HELD_OPERANDS: ClassVar[tuple[int, ...]] = ()
+    """Operands that only the derivative's limits are made of: their own tangents are never asked for."""
 
     def __init__(
         self,

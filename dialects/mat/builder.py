@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 from xdsl.dialects.builtin import Float64Type, FloatAttr, IntegerAttr, IntegerType, StringAttr, f64, i64
 from xdsl.ir import Attribute, Block, Operation, SSAValue
 
-from yasps.dialects.mat import algebra, calculus, comparison, elementwise, structure, trigonometry
+from yasps.dialects.mat import algebra, calculus, comparison, elementwise, spectral, structure, trigonometry
 from yasps.dialects.mat.base import MatOp, Matrix, Shape, dense, matrix_type, shape_of
 
 
@@ -143,6 +143,9 @@ class MatBuilder:
         """A function of the table in `dialects/scalar/functions.py`, entry by entry."""
         return self.emit(elementwise.TABLED[name], [a])
 
+    def abs(self, a: SSAValue) -> SSAValue:
+        return self.emit(comparison.AbsOp, [a])
+
     def stumpff(self, order: int, s: SSAValue) -> SSAValue:
         return self.emit(trigonometry.StumpffOp, [s], {"order": IntegerAttr(order, i64)})
 
@@ -205,6 +208,28 @@ class MatBuilder:
 
     def cofactor(self, a: SSAValue) -> SSAValue:
         return self.emit(algebra.CofactorOp, [a])
+
+    def inverse(self, a: SSAValue) -> SSAValue:
+        return self.emit(algebra.InverseOp, [a])
+
+    def spectral(self, a: SSAValue, slopes: SSAValue, differences: SSAValue | None = None) -> SSAValue:
+        """Q diag(slopes) Q^T; without divided differences they are quotients. See SpectralOp."""
+        if differences is None:
+            values = self.emit(spectral.EigenvaluesOp, [a])
+            differences = self.concat_rows(
+                [
+                    self.divide(self._rise(slopes, i, j), self._rise(values, i, j))
+                    for i, j in spectral.pairs(shape_of(a)[0])
+                ]
+            )
+        return self.emit(spectral.SpectralOp, [a, slopes, differences])
+
+    def _rise(self, column: SSAValue, i: int, j: int) -> SSAValue:
+        """Entry j less entry i."""
+        return self.sub(self.row(column, j), self.row(column, i))
+
+    def spectral_tangent(self, a: SSAValue, differences: SSAValue, tangent: SSAValue) -> SSAValue:
+        return self.emit(spectral.SpectralTangentOp, [a, differences, tangent])
 
     def over_norm(self, slope: SSAValue, norm: SSAValue, limit: SSAValue | None = None) -> SSAValue:
         """slope / norm; where both are 0 it is `limit`, and 0 without one. See OverNormOp."""

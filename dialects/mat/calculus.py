@@ -66,6 +66,7 @@ class OverNormOp(MatOp):
 
     name = "mat.over_norm"
     ARITY: ClassVar = 3
+    HELD_OPERANDS: ClassVar = (2,)
 
     @classmethod
     def infer(cls, shapes: Sequence[Shape], properties: dict[str, Attribute]) -> Shape:

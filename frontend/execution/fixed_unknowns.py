@@ -18,6 +18,8 @@ def unknowns_of(targets: Sequence[Attribute], fixed: Mapping[Attribute, ArrayLik
     fixed: of some targets, for each instance whether it stays as it is, bool [instances]. Raises SceneError for what is
     no target, DataError for other shapes and types.
     """
+    if not isinstance(fixed, Mapping):
+        raise DataError(f"fixed is a table, target -> truth values of its instances, got {fixed!r}")
     parts = []
     for target in targets:
         assert target.owner is not None

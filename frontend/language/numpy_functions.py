@@ -14,7 +14,7 @@ import numpy as np
 from yasps.dialects.scalar.functions import FUNCTIONS
 from yasps.frontend.errors import SceneError, ShapeMismatchError
 from yasps.frontend.language.attribute import Attribute, as_attribute, concat_cols, concat_rows
-from yasps.frontend.language.functions import atan2, hypot, maximum, minimum, select
+from yasps.frontend.language.functions import atan2, eigenvalues, hypot, maximum, minimum, select
 
 
 def call_ufunc(ufunc: np.ufunc, method: str, inputs: Sequence[Any], keywords: Mapping[str, Any]) -> Attribute:
@@ -136,4 +136,5 @@ _FUNCTIONS: dict[Any, Callable[..., Any]] = {
     np.linalg.norm: _method("norm"),
     np.linalg.det: _method("det"),
     np.linalg.inv: _method("inverse"),
+    np.linalg.eigvalsh: eigenvalues,
 }

@@ -16,7 +16,7 @@ from typing import NamedTuple, cast
 import numpy as np
 from xdsl.ir import Block, SSAValue
 
-from yasps.dialects.mat import MatOp, algebra, elementwise, shape_of
+from yasps.dialects.mat import MatOp, algebra, elementwise, shape_of, spectral
 from yasps.dialects.mat.base import constant_value
 from yasps.dialects.mat.comparison import SelectOp
 from yasps.dialects.mat.structure import ReshapeOp
@@ -171,6 +171,8 @@ RULES: dict[type[MatOp], Callable[..., Known | None]] = {
     algebra.DetOp: lambda a: FIXED,
     algebra.NormOp: lambda a: FIXED,
     algebra.TraceOp: _trace,
+    spectral.EigenvaluesOp: _trace,
+    spectral.PolarOp: lambda a: None if isinstance(a, AnySpace) else a,  # of R F Q it is R times that of F times Q
     algebra.DotOp: lambda a, b: FIXED if _both(a, b) is not None else None,
 }
 """Spaces of an operation's result, from those of its operands."""

@@ -11,8 +11,10 @@ from xdsl.ir import SSAValue
 from yasps.dialects.mat import MatBuilder, MatOp, shape_of
 from yasps.dialects.mat.algebra import NormOp
 from yasps.dialects.mat.base import is_zero
+from yasps.dialects.mat.spectral import EigenvaluesOp
 from yasps.passes.analysis.dependence import DependenceMap, size_of
 from yasps.passes.analysis.norms import divisors, inverse_for_tangents, smooth_norms
+from yasps.passes.calculus.divided_differences import divided_differences
 from yasps.passes.calculus.scalar_chains import ScalarChains
 
 
@@ -34,6 +36,9 @@ def pull_back(
         choice = op.chosen_by(b)
         if isinstance(op, NormOp) and op.result not in divided:
             pulled = [(0, _Part(whole.guard, _gradient_through(b, op, whole.value)))]
+        elif isinstance(op, EigenvaluesOp):
+            differences = divided_differences(b, op.result, whole.value, _derivative_along)
+            pulled = [(0, _Part(whole.guard, b.spectral(op.operands[0], whole.value, differences)))]
         elif choice is not None:
             first, second, condition = choice
             guard_first, guard_second = guards.split(whole.guard, condition)
@@ -56,6 +61,11 @@ def _gradient_through(b: MatBuilder, norm: NormOp, slope: SSAValue) -> SSAValue:
     """
     limit = PushForward(b, {norm.result: b.number(1.0)})[slope]
     return b.scale(b.over_norm(slope, norm.result, limit), norm.operands[0])
+
+
+def _derivative_along(b: MatBuilder, value: SSAValue, of: SSAValue, direction: SSAValue) -> SSAValue | None:
+    """Derivative of a value with respect to another one along a direction of that, all else held."""
+    return PushForward(b, {of: direction})[value]
 
 
 @dataclass(frozen=True)
@@ -147,11 +157,11 @@ class PushForward:
                 self._tangents.setdefault(current, None)
                 stack.pop()
                 continue
-            missing = [operand for operand in op.operands if operand not in self._tangents]
+            missing = [operand for operand in _differentiated(op) if operand not in self._tangents]
             if missing:
                 stack.extend(missing)
                 continue
-            tangents = [self._tangents[operand] for operand in op.operands]
+            tangents = [self._tangents.get(operand) for operand in op.operands]
             some = any(tangent is not None for tangent in tangents)
             self._tangents[current] = op.pushforward(self.b, tangents) if some else None
             stack.pop()
@@ -203,7 +213,7 @@ class _ForwardMode:
         if slopes is not None:
             return [u for u, _ in slopes]
         assert isinstance(value.owner, MatOp)
-        return list(dict.fromkeys(value.owner.operands))
+        return list(dict.fromkeys(_differentiated(value.owner)))
 
     def along(self, seeds: Mapping[SSAValue, SSAValue | None]) -> dict[SSAValue, SSAValue]:
         """Tangents that are not zero, of all values between."""
@@ -237,6 +247,11 @@ class _ForwardMode:
             (vector,) = op.operands
             return b.scale(self._inverses[value], b.dot(vector, tangents[vector]))
         return op.pushforward(b, [tangents.get(operand) for operand in op.operands])
+
+
+def _differentiated(op: MatOp) -> list[SSAValue]:
+    """Operands whose tangents the operation's rule asks for."""
+    return [operand for k, operand in enumerate(op.operands) if k not in op.HELD_OPERANDS]
 
 
 def directional(

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from yasps import Scene, SceneError, materials
-from yasps.bodies import AffineBody, Cloth, Ground, Obstacle, SoftBody
+from yasps import Scene, SceneError, YaspsError, materials
+from yasps.bodies import AffineBody, Cloth, Ground, HalfSpace, Obstacle, SoftBody
 from yasps.meshes import (
     TriangleMesh,
     box,
@@ -96,16 +96,31 @@ def test_fixed_bodies_have_no_mass() -> None:
 @pytest.mark.parametrize(
     ("build", "words"),
     [
-        (lambda scene: SoftBody(scene, "b", CUBE, density=0.0), "b: density must be a positive number of kg/m"),
+        (lambda scene: SoftBody(scene, "b", CUBE, density=0.0), "b: density must be positive"),
         (lambda scene: SoftBody(scene, "b", CUBE, youngs_modulus=-1.0), "Young's modulus must be positive"),
         (lambda scene: AffineBody(scene, "b", CUBE, youngs_modulus=0.0), "youngs_modulus must be positive"),
-        (lambda scene: Cloth(scene, "b", cloth_grid(), area_density=np.nan), "density must be a positive number"),
+        (lambda scene: Cloth(scene, "b", cloth_grid(), area_density=np.nan), "density must be positive"),
+        (lambda scene: SoftBody(scene, "b", CUBE, density="heavy"), "b: density needs real numbers, got <U5"),
+        (lambda scene: SoftBody(scene, "b", CUBE, youngs_modulus="stiff"), "Young's modulus needs real numbers"),
+        (lambda scene: SoftBody(scene, "b", CUBE, poisson_ratio=0.5), "Poisson's ratio must lie between"),
+        (lambda scene: SoftBody(scene, "b", 5), "a TetrahedralMesh or a closed TriangleMesh, got 5"),
+        (lambda scene: AffineBody(scene, "b", CUBE, youngs_modulus=np.inf), "b: youngs_modulus must be positive"),
+        (lambda scene: AffineBody(scene, "b", CUBE, radius=-1.0), "radius of b is a length >= 0, .* got -1.0"),
+        (lambda scene: AffineBody(scene, "b", CUBE, radius=[1e-3, 2e-3]), r"one for each of \d+ vertices, got \[0.001"),
+        (lambda scene: Cloth(scene, "b", cloth_grid(), stretch=0.0), "b: stretch must be positive"),
+        (lambda scene: Cloth(scene, "b", cloth_grid(), bending=-1.0), "b: bending must be a number >= 0, got -1.0"),
+        (lambda scene: Cloth(scene, "b", CUBE), "b: a cloth is a TriangleMesh, got"),
+        (lambda scene: Obstacle(scene, "b", CUBE), "an obstacle is a TriangleMesh, .* of tetrahedra take the surface"),
+        (lambda scene: HalfSpace(scene, "b", height="low"), "the height of b needs real numbers"),
+        (lambda scene: HalfSpace(scene, "b", height=np.nan), "the height of b: entry 0 is nan"),
+        (lambda scene: HalfSpace(scene, "b", normal=(1.0, 0.0)), "the normal of b is a vector"),
+        (lambda scene: HalfSpace(scene, "b", size=-1.0), "the size of b must be positive"),
         (lambda scene: Cloth(scene, "b", cloth_grid(), warp=(0.0, 0.0, 1.0)), "warp .* normal to triangle"),
     ],
 )
 def test_wrong_numbers_leave_the_scene_as_it_was(build: object, words: str) -> None:
     scene = Scene("s", threads=1)
-    with pytest.raises(SceneError, match=words):
+    with pytest.raises(YaspsError, match=words):
         build(scene)  # type: ignore[operator]
     assert not scene.energies
     scene.add_mesh("b")  # the name is free

@@ -15,17 +15,19 @@ from yasps import (
     ConnectivityError,
     DataError,
     IntersectionError,
+    NameTakenError,
     NotConvergedError,
     Scene,
     SceneError,
     YaspsError,
 )
-from yasps.contact import BarrierContact, CollisionGeometry
+from yasps.contact import BarrierContact, CollisionGeometry, Plane
 from yasps.meshes import box, ground
 from yasps.stepping import NewtonSettings, minimize
 
 SIZE, DISTANCE = 0.1, 1e-3
 CUBE = box((SIZE,) * 3, (1, 1, 1))
+PLANE = Plane("p", (0.0, 0.0, 1.0), (0.0, 0.0, -1.0))
 TRIANGLE = np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0]])
 
 
@@ -180,7 +182,7 @@ def test_steps_do_not_look_at_their_own_ways_again(monkeypatch: pytest.MonkeyPat
     """Neither after flight nor in contact: what a step accepted is where the next one starts."""
     scene = on_ground("soft", gap=2.5e-3)
 
-    def refuse(*_: object) -> None:
+    def refuse(*_: object, **__: object) -> None:
         raise AssertionError("nothing was moved from outside")
 
     monkeypatch.setattr(CollisionGeometry, "check_way", refuse)
@@ -270,7 +272,7 @@ def test_an_object_of_loose_points_is_refused_and_a_rod_takes_part(caplog: pytes
     with pytest.raises(SceneError, match=r"none of the 2 vertices of 'm\.rod' is in a triangle or an edge"):
         build()
     assert scene.energies == ()
-    assert "stiffness" not in scene.m.attributes
+    assert "reach" not in scene.m.attributes
     with caplog.at_level(logging.INFO, logger="yasps"):
         contact = build(edges=[[0, 1]])
     assert len(contact.active.point_triangle) == 1
@@ -294,6 +296,13 @@ def test_an_object_of_loose_points_is_refused_and_a_rod_takes_part(caplog: pytes
         ({"group": np.zeros(6)}, DataError, "group must be integers"),
         ({"fixed": [True] + [False] * 5, "group": [0] * 6}, SceneError, "a group is all fixed or all free"),
         ({"objects": {"all": 5}}, DataError, "which sum to 6"),
+        ({"objects": {"one": -1, "all": 7}}, DataError, "which sum to 6"),
+        ({"projection": "clip"}, SceneError, "projection is one of 'clamp', 'abs', 'none', got 'clip'"),
+        ({"table": {"all": 0.5}}, SceneError, "the table is a ContactTable"),
+        ({"planes": ["floor"]}, SceneError, "planes are a list of Plane"),
+        ({"objects": {"p": 6}, "planes": [PLANE]}, SceneError, "two of the objects and half-spaces are named 'p'"),
+        ({"moduli": {"p": "soft"}}, SceneError, "the contact modulus of 'p' needs real numbers"),
+        ({"moduli": {"p": -1.0}}, SceneError, "the contact modulus of 'p' must be positive, .* Pa"),
     ],
 )
 def test_wrong_arguments_are_errors_of_ours_and_add_nothing(
@@ -304,7 +313,17 @@ def test_wrong_arguments_are_errors_of_ours_and_add_nothing(
         build(**{"edges": [[0, 1]]} | options)
     assert isinstance(caught.value, YaspsError)
     assert scene.energies == ()
-    assert "stiffness" not in scene.m.attributes
+    assert "reach" not in scene.m.attributes
+
+
+@pytest.mark.parametrize("name", ["surface_edges", "point_triangle_friction", "reach"])
+def test_names_that_contact_needs_are_asked_for_first(name: str) -> None:
+    scene, build = points_over_a_triangle(0.05)
+    scene.m.add_primitive(name, 1)
+    with pytest.raises(NameTakenError, match=f"has a part named '{name}' already"):
+        build(edges=[[0, 1]])
+    assert scene.energies == ()
+    assert "squared_reach" not in scene.m.attributes
 
 
 def test_a_nearly_singular_block_names_contact_and_its_vertices() -> None:

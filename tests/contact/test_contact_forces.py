@@ -9,7 +9,15 @@ from numpy.typing import NDArray
 from scipy import sparse
 
 from yasps import Scene
-from yasps.contact import BarrierContact, ContactForces, ContactTable, Plane, contact_forces
+from yasps.contact import (
+    BarrierContact,
+    ContactForces,
+    ContactTable,
+    Plane,
+    contact_forces,
+    crushed_gradient,
+    crushed_pairs,
+)
 
 Floats = NDArray[np.float64]
 UP = np.array([0.1, -0.2, 0.97])
@@ -99,6 +107,17 @@ def test_a_vertex_presses_a_half_space_along_its_normal() -> None:
     assert 0.0 < forces.normal.gap[below].min() - 0.3 * contact.geometry.activation_distance < 3e-3
 
 
+def test_pairs_rub_at_the_gap_at_which_they_push() -> None:
+    """Pieces of one object that are near at rest have a share of their radii only, of which both know."""
+    _, contact = scene_of("shaken")
+    shares = np.concatenate([pairs.share for pairs in contact.active.kinds().values()])
+    assert shares.min() < 1.0
+    forces = contact_forces(contact)
+    assert len(forces.friction) == len(forces.normal) == len(shares)
+    np.testing.assert_allclose(forces.friction.gap, forces.normal.gap, atol=1e-15)
+    np.testing.assert_allclose(forces.friction.load, forces.normal.normal_force, rtol=1e-9)
+
+
 @pytest.mark.parametrize("barrier", ["log", pytest.param("paper", marks=pytest.mark.nightly)])
 def test_friction_is_that_of_the_scenes_gradient(barrier: str) -> None:
     """Of pairs that stick, that slide and in between; all kinds but one are among them."""
@@ -132,3 +151,27 @@ def test_friction_is_that_of_the_scenes_gradient(barrier: str) -> None:
         sums = np.stack([found[forces.body_of == k].sum(axis=0) for k in range(2)])
         np.testing.assert_allclose(forces.on_bodies("friction")[:2], sums, atol=1e-14 * np.abs(found).max())
     assert kinds >= {"point_triangle", "edge_edge", "mollified_edge_edge", "point_edge", "half_space"}
+
+
+@pytest.mark.parametrize("name", ["shaken", "box edge across edge"])
+def test_the_gradient_of_the_smallest_gaps(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """It is that of the pairs with gaps like the smallest, and the scene has all its pairs afterwards."""
+    scene, contact = scene_of(name)
+    normal = contact_forces(contact).normal
+    for kind, gaps in crushed_pairs.gaps(contact).items():
+        np.testing.assert_allclose(gaps, normal.gap[normal.kind == kind], rtol=1e-9, atol=1e-15)
+    assert crushed_gradient(contact) is None  # nothing is as near as that
+    monkeypatch.setattr(crushed_pairs, "CRUSHED", 1.0)
+    monkeypatch.setattr(crushed_pairs, "ALIKE", share := float(np.mean(normal.gap) / normal.gap.min()))
+    alike = normal.gap <= share * normal.gap.min()
+    assert 0 < alike.sum() < len(normal)
+    expected = np.zeros((len(contact.positions()), 3))
+    used = normal.vertices[alike] >= 0
+    np.add.at(expected, normal.vertices[alike][used], -normal.forces[alike][used])
+    energies, everything = scene.energy_values(), scene.gradient()
+    found = crushed_gradient(contact)
+    assert found is not None
+    np.testing.assert_allclose(found.reshape(-1, 3), expected, atol=1e-11 * np.abs(expected).max())
+    for path, values in scene.energy_values().items():
+        np.testing.assert_array_equal(values, energies[path])
+    np.testing.assert_array_equal(scene.gradient()[0], everything[0])

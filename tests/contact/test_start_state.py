@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from yasps import IntersectionError, Scene, SceneError
-from yasps.bodies import AffineBody, Body, Cloth, Ground, HalfSpace, Obstacle, SoftBody
+from yasps.bodies import AffineBody, Body, Cloth, Ground, HalfSpace, MovingObstacle, Obstacle, SoftBody
 from yasps.contact import ContactTable, check_start, separate, start_state
 from yasps.contact.solid_geometry import closest_on_triangles, ray_lengths, shortest_exits, winding_numbers
 from yasps.meshes import TriangleMesh, box, cloth_grid, sphere
@@ -204,6 +204,66 @@ def test_bodies_thicker_than_their_distance_are_parted() -> None:
     top = low.positions()[:, 2].max()
     over = np.abs(cloth.positions()[:, :2]).max(axis=1) < 0.05
     assert 0.0058 < cloth.positions()[over, 2].min() - top < 0.007
+
+
+def test_a_thick_sheet_is_bent_between_what_can_not_move() -> None:
+    """One block is too near from above, another from below, so no translation helps; radii count where it is bent."""
+    scene = Scene("bent", threads=1)
+    cloth = Cloth(scene, "cloth", cloth_grid((0.2, 0.2), (7, 7)), radius=3e-3)
+    block = box((0.04, 0.04, 0.02), (1, 1, 1))
+    placed = {"above": block.translated((-0.07, 0.0, 0.013)), "below": block.translated((0.07, 0.0, -0.013))}
+    blocks = [
+        Obstacle(scene, name, TriangleMesh(shape.vertices, shape.surface_triangles()), radius=2e-3)
+        for name, shape in placed.items()
+    ]
+    assert {finding.bodies for finding in start_state([cloth, *blocks]).touching} == {
+        ("cloth", "above"),
+        ("cloth", "below"),
+    }
+    separation = separate([cloth, *blocks], gap=1e-3)
+    assert separation.bent
+    assert start_state([cloth, *blocks]).is_apart
+    x = cloth.positions()
+    for side in (-1.0, 1.0):
+        near = (np.abs(x[:, 0] - side * 0.07) < 0.02) & (np.abs(x[:, 1]) < 0.02)
+        np.testing.assert_allclose(side * x[near, 2], 0.003, atol=4e-4)  # 3 + 2 + 1 mm from what was 3 mm away
+
+
+@pytest.mark.parametrize("other", ["half-space", "obstacle", "moving obstacle"])
+def test_a_moving_obstacle_has_to_be_apart_from_all_that_stands_still(other: str) -> None:
+    """It meets them while it moves; what never moves may overlap. The scene is as before after the error."""
+    scene = Scene("sunk", threads=1)
+    surface, shifted = (
+        TriangleMesh(part.vertices, part.surface_triangles()) for part in (CUBE, CUBE.translated((0.03, 0.02, -0.07)))
+    )
+    body, plate = AffineBody(scene, "body", CUBE.translated((0, 0, 1.0))), MovingObstacle(scene, "plate", surface)
+    ground: HalfSpace | Obstacle | MovingObstacle
+    if other == "half-space":
+        ground = HalfSpace(scene, "ground")
+    else:
+        ground = (Obstacle if other == "obstacle" else MovingObstacle)(scene, "ground", shifted)
+    still = Obstacle(scene, "still", surface)
+    assert start_state([body, still, *([] if other == "moving obstacle" else [ground])]).is_apart
+    (overlap,) = start_state([body, plate, ground]).overlaps
+    assert set(overlap.bodies) == {"plate", "ground"}
+    with pytest.raises(IntersectionError, match="'plate' and 'ground' overlap"):
+        Simulation(scene, [body, plate, ground])
+    assert "time_step" not in scene
+    table = ContactTable().set("plate", "ground", enabled=False)
+    assert start_state([body, plate, ground], table).is_apart
+
+
+def test_what_are_no_bodies_is_said() -> None:
+    scene = Scene("none", threads=1)
+    space = HalfSpace(scene, "space")
+    for look in (start_state, separate):
+        for bodies, words in (([], "no body with vertices"), ([space], "no body with vertices"), (space, "list of")):
+            with pytest.raises(SceneError, match=words):
+                look(bodies)  # type: ignore[operator]
+        with pytest.raises(SceneError, match="a list of bodies"):
+            look(["space"])  # type: ignore[operator]
+        with pytest.raises(SceneError, match="the table is a ContactTable"):
+            look([space], table={})  # type: ignore[operator]
 
 
 def test_bodies_that_do_not_meet_may_overlap() -> None:

@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 from yasps import Attribute, Mesh, Primitive, Scene, materials
 from yasps.contact import BarrierContact
 from yasps.meshes import TetrahedralMesh, TriangleMesh
-from yasps.stepping import BackwardEuler, MovingPart, NewtonReport, NewtonSettings
+from yasps.stepping import MovingPart, NewtonReport, NewtonSettings, TimeStepper
 
 Floats = NDArray[np.float64]
 STEP = 0.01  # s
@@ -48,7 +48,7 @@ class ContactScene:
     """Bodies of one kind and what stands still, with a stepper."""
 
     scene: Scene
-    stepper: BackwardEuler
+    stepper: TimeStepper
     contact: BarrierContact
     moving: Attribute
     """Positions of the bodies' vertices."""
@@ -128,7 +128,7 @@ def contact_scene(
     )
     scene.add_minimize_target([soft_part.position, scene.stiff.body["affine_matrix"], translation])
     falling = (0.0, 0.0, -GRAVITY)
-    stepper = BackwardEuler(
+    stepper = TimeStepper(
         scene,
         [soft_part, stiff_part],
         STEP,

@@ -68,9 +68,10 @@ static void launch(void (*kernel)(void*), void* arguments, unsigned grid, unsign
 struct Fiber {
     ucontext_t context;  // to begin
     jmp_buf at;          // to go on: unlike swapcontext, this asks nothing of the system
-    std::vector<char> stack;
+    char* stack;         // as long as the library lives; what no thread has used of it takes no memory
     bool begun, done;
 };
+constexpr unsigned long STACK = 1 << 18;
 static std::vector<Fiber> all;
 static jmp_buf scheduler;
 static int current;
@@ -92,7 +93,7 @@ static void leave(Group& group) {
 }
 
 // Code of the kernel goes on in the running fiber.
-static void go_on() { races::go_on(current, all[current].stack.data() + all[current].stack.size()); }
+static void go_on() { races::go_on(current, all[current].stack + STACK); }
 static void run() {
     go_on();
     body(given);
@@ -129,12 +130,12 @@ static void launch(void (*kernel)(void*), void* arguments, unsigned grid, unsign
             warps[w] = {(int)block - 32 * (int)w < 32 ? (int)block - 32 * (int)w : 32, 0, 0};
         for (unsigned t = 0; t < block; ++t) {
             Fiber& fiber = all[t];
-            fiber.stack.resize(1 << 18);
+            if (fiber.stack == nullptr) fiber.stack = new char[STACK];
             fiber.begun = fiber.done = false;
             turn[t] = 0;
             getcontext(&fiber.context);
-            fiber.context.uc_stack.ss_sp = fiber.stack.data();
-            fiber.context.uc_stack.ss_size = fiber.stack.size();
+            fiber.context.uc_stack.ss_sp = fiber.stack;
+            fiber.context.uc_stack.ss_size = STACK;
             fiber.context.uc_link = nullptr;
             makecontext(&fiber.context, run, 0);
         }

@@ -23,7 +23,7 @@ from yasps.examples.two_bunnies import two_bunnies
 from yasps.meshes import box
 from yasps.runtime.device.protocol import Device, DeviceArray
 from yasps.simulation import Simulation
-from yasps.stepping import BackwardEuler, MovingPart, NewtonSettings
+from yasps.stepping import MovingPart, NewtonSettings, TimeStepper
 
 AGREEMENT = 1e-10
 """Relative, of the largest number of each array."""
@@ -54,7 +54,7 @@ class Block:
     """A soft cube in motion."""
 
     scene: Scene
-    stepper: BackwardEuler
+    stepper: TimeStepper
 
 
 def block(divisions: int) -> Block:
@@ -77,7 +77,7 @@ def block(divisions: int) -> Block:
     elastic = materials.stable_neo_hookean(f, mu, lam, tets.add_constant("volume", 1, 1, value=volume))
     scene.add_energy(tets.add_attribute("elastic", computed_attribute=elastic))
     scene.add_minimize_target(position)
-    return Block(scene, BackwardEuler(scene, [MovingPart(position, predicted, mass)], TIME_STEP, settings=TIGHT))
+    return Block(scene, TimeStepper(scene, [MovingPart(position, predicted, mass)], TIME_STEP, settings=TIGHT))
 
 
 SCENES: dict[str, MakeScene] = {

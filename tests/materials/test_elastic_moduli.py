@@ -7,6 +7,7 @@ import pytest
 from numpy.typing import NDArray
 
 from yasps import Scene, materials
+from yasps.meshes import box
 
 Floats = NDArray[np.float64]
 MODULI = ((1e5, 0.3), (2.0, 0.0), (7e3, 0.45), (50.0, -0.4))
@@ -83,3 +84,34 @@ def test_a_tetrahedron_that_is_not_regular() -> None:
     f = materials.deformation_gradient(positions, tets.add_constant("inverse", 3, 3, value=inverse))
     np.testing.assert_allclose(tets.add_attribute("f", computed_attribute=f).compute().array[0], map_to, atol=1e-12)
     assert volume[0] == pytest.approx(abs(np.linalg.det(np.c_[rest, np.ones(4)])) / 6)
+
+
+def test_a_bar_whose_stiffness_is_a_field() -> None:
+    """Young's modulus of each tetrahedron: halves of 1 and 3 units, one behind the other, stretch by 3 to 1.
+
+    Without lateral contraction strain is even in each half, so that linear elements are exact.
+    """
+    shape = box((2.0, 1.0, 1.0), (4, 2, 2))
+    inverse, volume = materials.rest_shape(shape.vertices, shape.tets)
+    middle = shape.vertices[shape.tets].mean(axis=1)[:, 0]
+    scene = Scene("bar", threads=1)
+    mesh = scene.add_mesh("m")
+    vertices, tets = mesh.add_primitive("v", len(shape.vertices)), mesh.add_primitive("t", len(shape.tets))
+    x = vertices.add_attribute("x", 3, 1, value=shape.vertices)
+    corners = tets.add_connectivity("corners", vertices, shape.tets, 4)
+    positions = tets.add_attribute("positions", through=corners, source=x)
+    f = materials.deformation_gradient(positions, tets.add_constant("inverse", 3, 3, value=inverse))
+    youngs_modulus = tets.add_constant("youngs_modulus", 1, 1, value=np.where(middle < 0, 1.0, 3.0))
+    mu, lam = materials.lame_parameters(youngs_modulus, mesh.add_constant("poisson_ratio", 1, 1, value=0.0))
+    energy = materials.linear_elasticity(f, mu, lam, tets.add_constant("volume", 1, 1, value=volume))
+    scene.add_energy(tets.add_attribute("elastic", computed_attribute=energy))
+    scene.add_minimize_target(x)
+    ends = np.abs(shape.vertices[:, 0]) == 1.0
+    drawn = shape.vertices[:, :1] == 1.0
+    x.update_value(shape.vertices + 0.1 * drawn * [1.0, 0, 0])
+    solution = scene.solve(1e-26, fixed={x: ends})
+    x.update_value(x.value - solution.directions[0])
+    found = x.compute().array[:, 0, 0]
+    at = shape.vertices[:, 0]
+    wanted = at + np.where(at < 0, 0.075 * (at + 1), 0.075 + 0.025 * at)
+    np.testing.assert_allclose(found, wanted, atol=1e-12)

@@ -35,9 +35,11 @@ from yasps import (
     concat_cols,
     concat_rows,
     constant,
+    eigenvalues,
     hypot,
     maximum,
     minimum,
+    polar,
     select,
     stumpff,
 )
@@ -89,6 +91,8 @@ WORDS: dict[str, Any] = {
     "atan2": atan2,
     "hypot": hypot,
     "stumpff": stumpff,
+    "eigenvalues": eigenvalues,
+    "polar": polar,
 }
 
 
@@ -119,6 +123,28 @@ def has_tangent(a: Matrix) -> bool:
 def is_regular(a: Matrix) -> bool:
     """A determinant not much smaller than the products it is the sum of: else what is left is rounding."""
     return bool(np.linalg.cond(a) < 100.0)
+
+
+def symmetric_eigenvalues(a: Matrix) -> Matrix:
+    """Of the symmetric part, ascending."""
+    return np.linalg.eigvalsh(0.5 * (a + a.T).astype(float))[:, None]
+
+
+def are_apart(a: Matrix) -> bool:
+    """No two eigenvalues so near each other that what single ones do is mostly rounding."""
+    return bool((np.diff(symmetric_eigenvalues(a).ravel()) > 0.3).all())
+
+
+def nearest_rotation(a: Matrix) -> Matrix:
+    """By the singular value decomposition."""
+    left, _, right = np.linalg.svd(a.astype(float))
+    return left @ np.diag([1, 1, np.linalg.det(left) * np.linalg.det(right)]) @ right
+
+
+def has_rotation(a: Matrix) -> bool:
+    """The two smallest singular values, one with the sign of det, are far from being opposite."""
+    sizes = np.linalg.svd(a.astype(float), compute_uv=False)
+    return bool(sizes[1] + sizes[2] * np.sign(np.linalg.det(a.astype(float))) > 0.5)
 
 
 @dataclass(frozen=True)
@@ -190,6 +216,8 @@ OPERATIONS: dict[str, Operation] = {
     "acos": Operation("(0.8 * {0}.cos()).acos()", lambda a: np.arccos(0.8 * np.cos(a)), "acos", False),
     "atan2": Operation("atan2({0}, {1})", np.arctan2, "atan2", False, has_angle),
     "hypot": Operation("hypot({0}, {1})", np.hypot, "hypot", False, has_angle),
+    "eigenvalues": Operation("eigenvalues({0})", symmetric_eigenvalues, "eigenvalues", False, are_apart),
+    "polar": Operation("polar({0})", nearest_rotation, "polar", False, has_rotation),
     "shielded": Operation(  # the side not taken may be NaN
         "select({0} > 0.5, {0}.log(), 0.25 * {0})",
         lambda a: taken(a > 0.5, np.log(np.maximum(a, 0.5)), 0.25 * a),
@@ -216,12 +244,17 @@ FITTING: dict[str, tuple[Shape, ...]] = {
     "select": ((1, 1), (2, 1), (2, 1)),
     "shielded": ((1, 1),),
     **dict.fromkeys((*COMPARISONS, "choose", "minimum", "maximum", "atan2", "hypot"), ((2, 1), (2, 1))),
-    **dict.fromkeys(("trace", "det", "cofactor", "inverse"), ((3, 3),)),
+    **dict.fromkeys(("trace", "det", "cofactor", "inverse", "eigenvalues", "polar"), ((3, 3),)),
 }
 """Inputs that an expression which begins with this operation surely has."""
 ONE_SHAPE = ("add", "sub", "hadamard", "dot", "minimum", "maximum", "atan2", "hypot", *COMPARISONS)
 """Of two operands."""
-SQUARE = ("trace", "det", "cofactor", "inverse")
+SQUARE = {
+    **dict.fromkeys(("trace", "det", "cofactor", "inverse"), (1, 2, 3, 4)),
+    "eigenvalues": (2, 3),
+    "polar": (3,),
+}
+"""Words for square matrices, and of which sizes."""
 
 IR_WORDS = {operation.ir for operation in OPERATIONS.values()} | {"constant"}
 """`mat` operations these programs reach; `identity` comes in with derivatives, `calculus` holds the compiler's own."""

@@ -238,7 +238,7 @@ class _Drawing:
                 return (number, matrix), ()
             return ((matrix, number), ()) if self.is_denominator(number, lambda m: m[0, 0]) else None
         if word in SQUARE:
-            first = self.pick(lambda s: s[0] == s[1])
+            first = self.pick(lambda s: s[0] == s[1] and s[0] in SQUARE[word])
             if first is None or (word == "inverse" and not self.is_denominator(first, determinant)):
                 return None
             return (first,), ()

@@ -1,7 +1,9 @@
 """The 34 degenerate scenes with friction, with thickness, with both, and with every vertex a little off.
 
 Every state must be free of intersections, as ipctk sees it, thick bodies must keep their distance, and every Newton
-iteration must converge. `python -m pytest -m nightly tests/scenes` runs all of them.
+iteration must converge. `python -m pytest -m nightly` with this file runs all 442, in a quarter of an hour on two
+cores; `-k "aligned and soft"`, `-k "jittered and affine-7"` (kind, and amount of jitter from 0 to 9) and the like run a
+part of them.
 """
 
 from __future__ import annotations

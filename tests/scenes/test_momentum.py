@@ -10,13 +10,13 @@ from yasps import Scene
 from yasps.bodies import AffineBody, SoftBody
 from yasps.contact import ContactTable
 from yasps.simulation import Simulation
-from yasps.stepping import NewtonSettings
+from yasps.stepping import BACKWARD_EULER, BDF2, Integrator, NewtonSettings
 
 DT = 0.01  # s
 SIZE = 0.1  # m
 
 
-def colliding_pair(first: str, second: str, friction: float) -> Simulation:
+def colliding_pair(first: str, second: str, friction: float, integrator: Integrator) -> Simulation:
     """Two cubes, askew, that meet corner and face first while both move on."""
     scene = Scene("pair", threads=1)
     kinds = {"soft": (SoftBody, 1e5), "affine": (AffineBody, 1e7)}
@@ -34,12 +34,13 @@ def colliding_pair(first: str, second: str, friction: float) -> Simulation:
         activation_distance=1e-3,
         contacts=ContactTable(friction=friction),
         velocities={bodies[0]: (1.5, 0.2, 0.1), bodies[1]: (-0.5, 0.2, 0.1)},
+        integrator=integrator,
         settings=NewtonSettings(velocity_tolerance=1e-5, solver="direct"),
     )
 
 
-def run(first: str, second: str, friction: float, steps: int) -> None:
-    simulation = colliding_pair(first, second, friction)
+def run(first: str, second: str, friction: float, steps: int, integrator: Integrator = BACKWARD_EULER) -> None:
+    simulation = colliding_pair(first, second, friction, integrator)
     mass = np.concatenate([body.mass.value for body in simulation.bodies])
 
     def centre() -> np.ndarray:
@@ -59,6 +60,7 @@ def run(first: str, second: str, friction: float, steps: int) -> None:
 
 def test_the_centre_of_mass_of_two_affine_cubes_moves_straight() -> None:
     run("affine", "affine", 0.3, 8)
+    run("affine", "affine", 0.3, 8, BDF2)
 
 
 @pytest.mark.nightly
@@ -66,3 +68,4 @@ def test_the_centre_of_mass_of_two_affine_cubes_moves_straight() -> None:
 @pytest.mark.parametrize(("first", "second"), [("affine", "affine"), ("soft", "soft"), ("soft", "affine")])
 def test_the_centre_of_mass_moves_straight(first: str, second: str, friction: float) -> None:
     run(first, second, friction, 25)
+    run(first, second, friction, 25, BDF2)

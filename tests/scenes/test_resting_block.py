@@ -34,7 +34,7 @@ MESHES = {
 }
 DISTANCES = (5e-4, 1e-3, 2e-3)  # m, of activation
 STEPS = (0.01, 0.002)  # s
-RATIOS = (1e-3, 1e-2, 0.1, 1.0)  # pressure over stiffness
+SPREADS = {1e-3: 2e-3, 1e-2: 5e-3, 0.1: 1.5e-2, 1.0: 5e-2}  # pressure over stiffness, and how far meshes differ
 
 
 def resting(
@@ -104,10 +104,15 @@ def test_the_gap_on_a_half_space_is_the_closed_form(name: str, ratio: float, dis
 
 
 @pytest.mark.nightly
-@pytest.mark.parametrize("ratio", RATIOS)
+@pytest.mark.parametrize("ratio", SPREADS)
 def test_gap_over_distance_is_a_function_of_the_pressure_alone(ratio: float) -> None:
-    """On five meshes, at three d_hat and two time steps. Where the pressure comes near the stiffness, the rims of
-    coarse meshes show (see above); d_hat and time step do not."""
+    """On five meshes, at three d_hat and two time steps, which make no difference above 1e-4.
+
+    The pressure on what contact weighs decides, and `check_gap` holds every gap against the closed form of that, within
+    0.1 %. As functions of the weight over the lower face the gaps of the five meshes differ by 0.10 % at a pressure of
+    1e-3 of the stiffness, 0.33 % at 1e-2, 1.1 % at 0.1 and 4.4 % at 1: rims count triangles of the sides, so
+    that one cell and 2 x 2 x 1 cells weigh the lower face with twice its area, 4 x 4 x 3 cells with 1.33 times.
+    """
     found = {
         name: [check_gap(shape, ratio, distance, dt) for distance, dt in itertools.product(DISTANCES, STEPS)]
         for name, shape in MESHES.items()
@@ -116,8 +121,7 @@ def test_gap_over_distance_is_a_function_of_the_pressure_alone(ratio: float) -> 
         assert np.ptp(gaps) < 1e-4
     of_meshes = [np.mean(gaps) for gaps in found.values()]
     print(f"pressure / stiffness {ratio:g}: gap / d_hat {min(of_meshes):.5f} to {max(of_meshes):.5f}")
-    if ratio <= 1e-2:
-        assert np.ptp(of_meshes) < 1e-2 * np.mean(of_meshes)
+    assert np.ptp(of_meshes) < SPREADS[ratio] * np.mean(of_meshes)
 
 
 @pytest.mark.nightly
@@ -215,7 +219,8 @@ def pressed_meshes() -> tuple[np.ndarray, np.ndarray]:
 
 @pytest.mark.nightly
 def test_pressure_between_two_meshes_is_nearly_even_inside() -> None:
-    """Vertices are the points of a quadrature, and a load that is even is not quite even in its points."""
+    """2.2 % off: vertices are the points of a quadrature, and a load that is even is not quite even in its points. With
+    twice as many cells each way it is 7.9 %: they integrate the other mesh's hat functions with an error that stays."""
     found, inside = pressed_meshes()
     np.testing.assert_allclose(found[inside], 1e3, rtol=0.05)
 
@@ -223,5 +228,6 @@ def test_pressure_between_two_meshes_is_nearly_even_inside() -> None:
 @pytest.mark.nightly
 @pytest.mark.xfail(strict=True, reason="one point a vertex is too coarse a quadrature, and rims count side faces")
 def test_pressure_between_two_meshes_is_even() -> None:
+    """Within 1 % everywhere; it is 869 to 1220 Pa of 1000 at the rim, 978 to 1021 Pa inside."""
     found, _ = pressed_meshes()
     np.testing.assert_allclose(found, 1e3, rtol=1e-2)

@@ -16,7 +16,7 @@ from yasps import Scene
 from yasps.bodies import AffineBody, HalfSpace, Obstacle, SoftBody
 from yasps.contact import ContactTable
 from yasps.simulation import Simulation
-from yasps.stepping import NewtonSettings
+from yasps.stepping import BACKWARD_EULER, BDF2, Integrator, NewtonSettings
 
 GRAVITY = 9.8  # m/s^2
 EPS_V = 1e-3  # m/s
@@ -28,7 +28,14 @@ DOWN, NORMAL = slope_directions(SLOPE)[1], slope_directions(SLOPE)[0]
 
 
 def on_plane(
-    kind: str, plane: str, friction: float, angle: float = 0.0, *, dt: float = 0.01, eps_v: float = EPS_V
+    kind: str,
+    plane: str,
+    friction: float,
+    angle: float = 0.0,
+    *,
+    dt: float = 0.01,
+    eps_v: float = EPS_V,
+    integrator: Integrator = BACKWARD_EULER,
 ) -> tuple[Simulation, AffineBody | SoftBody]:
     """A unit cube that lies on a plane of that slope, at the gap at which the barrier bears its weight."""
     normal, _ = slope_directions(angle)
@@ -52,6 +59,7 @@ def on_plane(
         activation_distance=DISTANCE,
         contacts=ContactTable(friction=friction),
         eps_v=eps_v,
+        integrator=integrator,
         settings=NewtonSettings(velocity_tolerance=0.1 * eps_v, force_tolerance=1e-6 * WEIGHT, solver="direct"),
     )
     simulation.rescue = 0
@@ -121,9 +129,9 @@ def slips(kind: str, plane: str, steps: int) -> None:
     assert rate == pytest.approx(GRAVITY * (np.sin(SLOPE) - 0.49 * np.cos(SLOPE)), rel=1e-3)
 
 
-def sticks(kind: str, plane: str, steps: int) -> None:
+def sticks(kind: str, plane: str, steps: int, integrator: Integrator = BACKWARD_EULER) -> None:
     """At 0.51 it creeps, at the speed at which the smoothed law bears the pull, below eps_v."""
-    simulation, body = on_plane(kind, plane, 0.51, SLOPE)
+    simulation, body = on_plane(kind, plane, 0.51, SLOPE, integrator=integrator)
     found = []
     for _ in range(steps):
         simulation.step()
@@ -137,6 +145,21 @@ def sticks(kind: str, plane: str, steps: int) -> None:
 def test_the_slope_slips_at_49_and_sticks_at_51() -> None:
     slips("affine", "half-space", 20)
     sticks("affine", "half-space", 20)
+
+
+def test_bdf2_slides_by_its_own_recurrence_and_creeps_at_the_same_speed() -> None:
+    """v' = V - 2/3 dt mu g with V = (4 v - v_before) / 3; slips and their length are those of BDF2's velocity."""
+    friction, dt = 0.3, 0.01
+    simulation, body = on_plane("affine", "half-space", friction, dt=dt, integrator=BDF2)
+    simulation.set_velocity(body, (1.0, 0.0, 0.0))
+    simulation.step()  # of backward Euler
+    before, v = 1.0, 1.0 - dt * friction * GRAVITY
+    assert float(mean_velocity(simulation, body)[0]) == pytest.approx(v, rel=1e-3)
+    for _ in range(10):
+        simulation.step()
+        before, v = v, (4 * v - before) / 3 - 2 / 3 * dt * friction * GRAVITY
+        assert float(mean_velocity(simulation, body)[0]) == pytest.approx(v, rel=1e-3)
+    sticks("affine", "half-space", 32, BDF2)  # it takes longer than backward Euler to come to rest
 
 
 @pytest.mark.nightly

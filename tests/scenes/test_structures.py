@@ -19,12 +19,17 @@ def run(simulation: Simulation, steps: int) -> None:
 
 
 @pytest.mark.nightly
-def test_the_arch_stands_at_50() -> None:
-    simulation = masonry_arch(0.5)
+@pytest.mark.parametrize("slip_speed", [1e-3, 1e-5])
+def test_the_arch_stands_at_50(slip_speed: float) -> None:
+    """Its feet creep, slower than the slip speed: with 1e-3 m/s the crown sinks by 0.57 mm in 2 seconds. With 1e-5 m/s
+    it rises by 0.04 mm, as the joints settle, and stays there."""
+    simulation = masonry_arch(0.5, slip_speed=slip_speed)
     before = crown_height(simulation)
     run(simulation, 200)
-    assert before - crown_height(simulation) < 0.02 * THICKNESS
-    assert simulation.stepper.kinetic_energy() < 1e-4
+    assert abs(before - crown_height(simulation)) < 5e-5 + 0.5 * slip_speed * simulation.time
+    feet = [simulation.moving[0], simulation.moving[-1]]
+    assert max(abs(simulation.velocity_of(foot)).max() for foot in feet) < slip_speed
+    assert simulation.stepper.kinetic_energy() < 20 * slip_speed**2
 
 
 @pytest.mark.nightly

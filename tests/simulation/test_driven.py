@@ -205,6 +205,7 @@ def test_moving_obstacles_come_go_and_are_restored() -> None:
     there = [one.positions() for one in (body, below, other)]
     simulation._set_state(state)
     np.testing.assert_array_equal(below.positions(), below.rest)
+    np.testing.assert_array_equal(simulation.velocity_of(below), 0.0)
     np.testing.assert_allclose(other.positions(), other.rest + 2 * DT * UP, rtol=1e-12)
     simulation.step()
     for one, positions in zip((body, below, other), there, strict=True):

@@ -7,7 +7,7 @@ import dataclasses
 import numpy as np
 import pytest
 
-from yasps import Scene, SceneError
+from yasps import DataError, Scene, SceneError
 from yasps.bodies import AffineBody, Cloth, Ground, SoftBody
 from yasps.meshes import box, cloth_grid
 from yasps.simulation import Simulation
@@ -139,8 +139,10 @@ def test_without_contact_the_report_has_the_rest() -> None:
 
 def test_names_and_parts_that_are_not_there_are_refused(stack: Simulation) -> None:
     forces = stack.contact_forces()
-    with pytest.raises(KeyError, match="'wall' is no body of this contact; there are 'stiff', 'soft'"):
+    with pytest.raises(SceneError, match="'wall' is no body of this contact; there are 'stiff', 'soft'"):
         forces.number_of("wall")
-    with pytest.raises(ValueError, match="part is one of"):
+    with pytest.raises(SceneError, match="part is one of"):
         forces.on_vertices("tangential")
+    with pytest.raises(DataError, match=r"about is one point \[3\], or one for each body, \[4, 3\]"):
+        forces.torques(np.zeros((7, 3)))
     assert not dataclasses.asdict(forces.friction)["gap"].size

@@ -32,12 +32,13 @@ def sliding_cube(**options: object) -> tuple[Simulation, AffineBody]:
 def test_a_cube_slides_to_rest(lagging: str) -> None:
     """It loses mu g dt of its speed in each step, and stays where it then is."""
     simulation, cube = sliding_cube(lagging=lagging)
-    speeds = []
+    speeds, passes = [], []
     for _ in range(22):
         report = simulation.step()
         assert report.lag_converged is (True if lagging == "converged" else None)
-        assert (report.lagging_passes > 1) == (lagging == "converged")
+        passes.append(report.lagging_passes)
         speeds.append(simulation.velocity_of(cube).mean(axis=0)[0])
+    assert (max(passes[:4]) > 1) == (lagging == "converged")  # later on the load is the same
     lost = -np.diff(speeds)[4:14]
     bound = 0.002 if lagging == "converged" else 0.05  # normal forces are those of the step before
     np.testing.assert_allclose(lost, FRICTION * GRAVITY * TIME_STEP, rtol=bound)
@@ -45,10 +46,31 @@ def test_a_cube_slides_to_rest(lagging: str) -> None:
     assert abs(speeds[-1]) < 1e-3  # eps_v
 
 
+def test_forces_balance_in_every_step() -> None:
+    """Speed alone does not see it: what is about to slide is nearly as stiff as what sticks."""
+    simulation, _ = sliding_cube()
+    assert max(simulation.step().relative_residual_force for _ in range(22)) <= 1e-3
+
+
+def test_the_potential_of_friction_is_no_energy_of_the_motion() -> None:
+    """What friction takes is gone: with its potential, which grows with the slip, the energy would be higher."""
+    simulation, cube = sliding_cube()
+    before = simulation.energy()
+    for _ in range(4):
+        simulation.step()
+        assert simulation.energy() < before
+        before = simulation.energy()
+    energies = simulation.report().energies
+    assert energies["friction"] > 0.02  # some of mu m g v dt: normal forces are just beginning
+    assert before == pytest.approx(sum(energies.values()) - energies["friction"], rel=1e-14)
+    speed = simulation.velocity_of(cube)[:, 0].mean()
+    assert energies["kinetic"] == pytest.approx(0.5 * cube.mass.value.sum() * speed**2, rel=1e-3)
+
+
 def test_friction_that_does_not_settle_is_said(
     monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:
-    monkeypatch.setattr("yasps.stepping.backward_euler.LAGGING_PASSES", 1)
+    monkeypatch.setattr("yasps.stepping.time_stepper.LAGGING_PASSES", 1)
     simulation, _ = sliding_cube(lagging="converged", settings=NewtonSettings(velocity_tolerance=1e-9))
     with caplog.at_level(logging.WARNING, "yasps"):
         report = simulation.step()

@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 from yasps import NotConvergedError, Scene, SceneError
-from yasps.bodies import MovingObstacle, SoftBody
+from yasps.bodies import AffineBody, HalfSpace, MovingObstacle, SoftBody
+from yasps.contact import ContactTable
 from yasps.meshes import TriangleMesh, box
 from yasps.simulation import Simulation
 from yasps.stepping import NewtonReport
@@ -66,6 +67,32 @@ def test_halves_and_quarters_are_tried(caplog: pytest.LogCaptureFixture) -> None
     assert simulation.time_step.value[0] == simulation.stepper.time_step == DT
     simulation.stepper.minimize = type(simulation.stepper).minimize.__get__(simulation.stepper)  # type: ignore[method-assign]
     assert simulation.step().substeps == 1
+
+
+def test_forces_that_are_read_are_those_of_the_last_part() -> None:
+    """Inertia and friction depend on the time step: what is read after a rescued step balances, and so it does when the
+    next step has got another one."""
+    scene = Scene("sliding", threads=1)
+    cube = AffineBody(scene, "cube", CUBE.translated((0.0, 0.0, 0.05 + 0.9936e-3)))
+    contacts = ContactTable(0.5)
+    simulation = Simulation(
+        scene, [cube, HalfSpace(scene, "ground")], activation_distance=1e-3, contacts=contacts, time_step=DT
+    )
+    simulation.run(2)
+    simulation.set_velocity(cube, (4e-3, 0.0, 0.0))  # sticks at the end of each half
+    fail_above(simulation, DT / 2)
+    report = simulation.step()
+    assert report.substeps == 2
+    for _ in range(2):
+        terms = simulation.forces_by_term().values()
+        left = sum(term["cube.body.translation"] for term in terms)
+        assert np.linalg.norm(left) <= 1.001 * report.residual_force + 1e-12
+        forces = simulation.contact_forces()
+        rubbing = simulation.forces_by_term()["everything.half_space_friction.potential"]["cube.body.translation"]
+        np.testing.assert_allclose(forces.on_bodies("friction")[0], rubbing[0], rtol=1e-9, atol=1e-12)
+        assert not forces.friction.slides.any()
+        simulation.time_step.update_value(DT / 10)
+    assert simulation.time_step.value[0] == DT / 10
 
 
 def test_after_all_failed_everything_is_as_before() -> None:

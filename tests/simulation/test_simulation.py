@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 from yasps import IntersectionError, NotConvergedError, NotFiniteError, Scene, SceneError, ShapeMismatchError
-from yasps.bodies import AffineBody, Cloth, Ground, SoftBody
+from yasps.bodies import AffineBody, Cloth, Ground, HalfSpace, SoftBody
+from yasps.contact import ContactTable
 from yasps.meshes import box, cloth_grid
 from yasps.simulation import Simulation
 
@@ -120,6 +121,77 @@ def test_bodies_come_and_go_between_steps() -> None:
         simulation.remove(stiff)
 
 
+def test_the_time_step_and_gravity_may_change_between_steps() -> None:
+    """Free fall with other numbers in each step; the first guess knows them, so one iteration finds nothing to do."""
+    simulation, soft = falling_cube()
+    height, speed = 1.0, 0.0
+    for seconds, fall in ((DT, 9.8), (DT / 2, 9.8), (2 * DT, 1.6), (2 * DT, 0.0)):
+        simulation.time_step.update_value(seconds)
+        simulation.gravity.update_value([0.0, 0.0, -fall])
+        report = simulation.step()
+        speed -= fall * seconds
+        height += speed * seconds
+        assert report.iterations == 1
+        np.testing.assert_allclose(soft.positions()[:, 2].mean(), height, atol=1e-9)
+        np.testing.assert_allclose(simulation.velocity_of(soft)[:, 2], speed, atol=1e-6)
+    assert simulation.time == pytest.approx(5.5 * DT)
+
+
+def test_targets_of_ones_own_come_and_go_between_steps() -> None:
+    simulation, soft = falling_cube()
+    simulation.step()
+    spring = simulation.scene.add_mesh("own").add_primitive("springs", 1)
+    x = spring.add_attribute("x", 1, 1, value=[1.0])
+    potential = spring.add_attribute("potential", computed_attribute=0.5 * x * x)
+    simulation.scene.add_energy(potential)
+    assert simulation.report().energies["other"] == 0.5
+    assert simulation.report().energies["friction"] == 0.0
+    simulation.scene.add_minimize_target(x)
+    simulation.step()
+    assert float(x.value[0]) == pytest.approx(0.0, abs=1e-12)
+    simulation.scene.remove_minimize_target(x)
+    simulation.scene.remove_energy(potential)
+    simulation.stepper.step()  # a stepper alone follows them, too
+    np.testing.assert_allclose(simulation.velocity_of(soft)[:, 2], -9.8 * 3 * DT, atol=1e-6)
+
+
+def test_a_body_that_the_contact_table_names_can_go() -> None:
+    """The activation distance stays the same, whatever comes and goes."""
+    scene = Scene("two", threads=1)
+    left, right = (
+        AffineBody(scene, name, CUBE.translated((x, 0.0, 0.3))) for name, x in (("left", 0.0), ("right", 1.0))
+    )
+    table = ContactTable(0.1).set("left", "ground", friction=0.5)
+    simulation = Simulation(scene, [left, right, HalfSpace(scene, "ground")], contacts=table)
+    reach = simulation.activation_distance
+    simulation.remove(left, left)
+    assert [body.name for body in simulation.bodies] == ["right", "ground"]
+    assert simulation.activation_distance == reach
+    table.set("third", "ground", friction=0.2)
+    with pytest.raises(SceneError, match="the contact table names 'third', but there are only"):
+        simulation.add(left)
+    assert [body.name for body in simulation.bodies] == ["right", "ground"]
+    simulation.add(AffineBody(scene, "third", CUBE.translated((0.0, 3.0, 0.3))), left)
+    assert simulation.contact is not None
+    assert simulation.activation_distance == simulation.contact.geometry.activation_distance == reach
+
+
+def test_what_held_and_pushed_a_body_is_gone_when_it_comes_back() -> None:
+    simulation, soft = falling_cube()
+    other = SoftBody(simulation.scene, "other", CUBE.translated((1.0, 0.0, 1.0)))
+    simulation.add(other)
+    simulation.pin(soft, [0, 1])
+    force = simulation.add_force(soft, lambda x, v, time: (0.0, 0.0, 5.0))
+    simulation.step()
+    simulation.remove(soft)
+    np.testing.assert_array_equal(force.value, 0.0)
+    simulation.add(soft)
+    simulation.set_velocity(soft, (0.0, 0.0, 0.0))
+    simulation.step()
+    fall = soft.mass.value @ simulation.velocity_of(soft) / soft.mass.value.sum()
+    np.testing.assert_allclose(fall, [0.0, 0.0, -9.8 * DT], atol=1e-5)
+
+
 def test_a_body_that_intersects_is_not_added() -> None:
     simulation, soft = falling_cube(0.06, contact=True)
     inside = AffineBody(simulation.scene, "inside", CUBE.translated((0.03, 0.02, 0.07)))
@@ -160,6 +232,7 @@ def test_a_step_that_fails_is_undone_and_can_be_repeated_from_its_file() -> None
     again.restore(file)
     np.testing.assert_array_equal(other.positions(), before)
     np.testing.assert_array_equal(again.velocity_of(other), velocity)
+    np.testing.assert_array_equal(again.stepper.target_velocities, simulation.stepper.target_velocities)
     assert again.frame == 2
     scene = Scene("other", threads=1)
     with pytest.raises(SceneError, match="state of another scene"):

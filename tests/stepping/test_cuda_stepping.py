@@ -11,13 +11,13 @@ from yasps import Scene, materials
 from yasps.contact import BarrierContact
 from yasps.meshes import box, ground
 from yasps.runtime.device.protocol import Device
-from yasps.stepping import BackwardEuler, MovingPart, NewtonReport, NewtonSettings, minimize
+from yasps.stepping import MovingPart, NewtonReport, NewtonSettings, TimeStepper, minimize
 
 STEP = 0.01
 TIGHT = NewtonSettings(velocity_tolerance=1e-7, linear_tolerance=1e-18)
 
 
-def falling_block(device: str | Device, deterministic: bool = False) -> BackwardEuler:
+def falling_block(device: str | Device, deterministic: bool = False) -> TimeStepper:
     """A tilted soft block just above the ground, with contact, gravity and inertia."""
     shape = box((0.1, 0.1, 0.1), (1, 1, 2)).rotated((1.0, 0.3, 0.0), 0.05)
     start = shape.vertices - [0.0, 0.0, shape.vertices[:, 2].min() - 0.004]
@@ -56,10 +56,10 @@ def falling_block(device: str | Device, deterministic: bool = False) -> Backward
         fixed=np.arange(union.num_instances) >= len(start),
     )
     scene.add_minimize_target(x)
-    return BackwardEuler(scene, [MovingPart(x, predicted, mass)], STEP, contact, settings=TIGHT)
+    return TimeStepper(scene, [MovingPart(x, predicted, mass)], STEP, contact, settings=TIGHT)
 
 
-def run(stepper: BackwardEuler, steps: int) -> tuple[list[NewtonReport], NDArray[np.float64]]:
+def run(stepper: TimeStepper, steps: int) -> tuple[list[NewtonReport], NDArray[np.float64]]:
     return [stepper.step() for _ in range(steps)], stepper.parts[0].position.value
 
 

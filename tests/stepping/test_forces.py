@@ -138,10 +138,18 @@ def test_the_arm_of_an_affine_body_is_its_farthest_vertex() -> None:
 def test_what_no_tolerance_can_be() -> None:
     with pytest.raises(DataError, match="needs a tolerance"):
         NewtonSettings(velocity_tolerance=None)
-    with pytest.raises(DataError, match="force_tolerance must be a positive number"):
-        NewtonSettings(force_tolerance=0.0)
-    with pytest.raises(DataError, match="velocity_tolerance must be a positive number"):
-        NewtonSettings(velocity_tolerance=float("nan"))
+    for name, wrong, words in (
+        ("force_tolerance", 0.0, "force_tolerance .* must be positive, .* got 0.0 N"),
+        ("velocity_tolerance", float("nan"), "velocity_tolerance .* must be positive, .* m/s"),
+        ("velocity_tolerance", "slow", "velocity_tolerance .* needs real numbers"),
+        ("relative_force_tolerance", float("inf"), "relative_force_tolerance .* must be positive"),
+        ("max_iterations", 0, "max_iterations must be a positive integer, got 0"),
+        ("max_iterations", 1.5, "max_iterations must be a positive integer, got 1.5"),
+        ("longest_step", 0.5, "longest_step is 1 or more Newton steps, got 0.5"),
+        ("shortest_step", 2.0, "shortest_step is a share of the Newton step, got 2.0"),
+    ):
+        with pytest.raises(DataError, match=words):
+            NewtonSettings(**{name: wrong})  # type: ignore[arg-type]
 
 
 def test_the_centre_of_mass_of_a_colliding_pair_moves_straight() -> None:

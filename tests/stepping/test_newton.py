@@ -8,7 +8,7 @@ import pytest
 from yasps import Attribute, Scene, materials
 from yasps.contact import BarrierContact
 from yasps.meshes import box, ground
-from yasps.stepping import BackwardEuler, MovingPart, NewtonReport, NewtonSettings, minimize
+from yasps.stepping import MovingPart, NewtonReport, NewtonSettings, TimeStepper, minimize
 
 STEP = 0.01
 
@@ -122,7 +122,7 @@ def test_steps_onto_the_ground_with_every_solver() -> None:
         NewtonSettings(velocity_tolerance=1e-5, linear_tolerance=1e-14, projection="on-demand"),
     ):
         scene, contact, position, part = falling_box()
-        stepper = BackwardEuler(scene, [part], STEP, contact, settings=settings)
+        stepper = TimeStepper(scene, [part], STEP, contact, settings=settings)
         for _ in range(6):
             stepper.step()
             assert not contact.geometry.has_intersections(contact.positions())

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from yasps import Attribute, Scene, materials
-from yasps.stepping import BackwardEuler, MovingPart, NewtonSettings
+from yasps.stepping import MovingPart, NewtonSettings, TimeStepper
 
 DT = 0.02
 GRAVITY = np.array([0.5, -1.0, -9.8])
@@ -43,7 +43,7 @@ def test_free_fall(with_guess: bool) -> None:
     """v_n = n dt a and x_n = x_0 + n (n + 1) / 2 dt^2 a, for every mass."""
     scene, parts, targets = two_parts(stiffness=0.0, weight=True)
     accelerations = dict.fromkeys(targets, GRAVITY) if with_guess else None
-    stepper = BackwardEuler(scene, parts, DT, accelerations=accelerations, settings=TIGHT)
+    stepper = TimeStepper(scene, parts, DT, accelerations=accelerations, settings=TIGHT)
     start = [target.value.reshape(-1, 3) for target in targets]
     everything = sum(float(masses.sum()) for masses in MASSES.values())
     for n in range(1, 5):
@@ -69,7 +69,7 @@ def test_a_spring_follows_the_recurrence() -> None:
     away = [0.1 * rng.standard_normal(place.shape) for place in home]
     for target, place, u in zip(targets, home, away, strict=True):
         target.update_value(place + u)
-    stepper = BackwardEuler(scene, parts, DT, settings=TIGHT)
+    stepper = TimeStepper(scene, parts, DT, settings=TIGHT)
     speed = [np.zeros_like(u) for u in away]
     energies = []
     for _ in range(6):
@@ -89,7 +89,7 @@ def test_a_spring_follows_the_recurrence() -> None:
 
 def test_velocities_that_are_given_are_kept_where_nothing_pulls() -> None:
     scene, parts, targets = two_parts(stiffness=0.0, weight=False)
-    stepper = BackwardEuler(scene, parts, DT, settings=TIGHT)
+    stepper = TimeStepper(scene, parts, DT, settings=TIGHT)
     given = [np.random.default_rng(k).standard_normal(v.shape) for k, v in enumerate(stepper.velocities)]
     stepper.velocities = [v.copy() for v in given]
     start = [target.value.reshape(-1, 3) for target in targets]

@@ -7,8 +7,28 @@ an energy of one's own is added in the next line. Inertia, gravity and contact c
 
 from yasps.bodies.affine_body import AffineBody
 from yasps.bodies.body import Body
+from yasps.bodies.caged_body import CagedBody
 from yasps.bodies.cloth import Cloth
+from yasps.bodies.element_body import ElementBody
+from yasps.bodies.joints import Hinge, Joint, Joints, Residual
 from yasps.bodies.obstacle import Ground, HalfSpace, MovingObstacle, Obstacle
+from yasps.bodies.rigid_body import RigidBody
 from yasps.bodies.soft_body import SoftBody
 
-__all__ = ["AffineBody", "Body", "Cloth", "Ground", "HalfSpace", "MovingObstacle", "Obstacle", "SoftBody"]
+__all__ = [
+    "AffineBody",
+    "Body",
+    "CagedBody",
+    "Cloth",
+    "ElementBody",
+    "Ground",
+    "HalfSpace",
+    "Hinge",
+    "Joint",
+    "Joints",
+    "MovingObstacle",
+    "Obstacle",
+    "Residual",
+    "RigidBody",
+    "SoftBody",
+]

@@ -6,8 +6,10 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from yasps import Scene, SceneError, materials
-from yasps.bodies.body import Body, check_density
+from yasps.bodies.body import Body, checked_density
+from yasps.frontend.language.arrays import positive_number
 from yasps.meshes import TetrahedralMesh, TriangleMesh, tetrahedra_of
+from yasps.parameterisations import affine_position
 
 
 class AffineBody(Body):
@@ -34,16 +36,14 @@ class AffineBody(Body):
         shape: tetrahedra, or a closed triangle surface, whose inside `tetrahedralize` meshes. density [kg/m^3];
         youngs_modulus [Pa]: times the volume, it resists stretch and shear; radius: of the surface, see `Body` [m].
 
-        Raises SceneError for numbers out of range,
-        NameTakenError, MeshError.
+        Raises SceneError for numbers out of range, NameTakenError, MeshError.
         """
-        check_density(name, density, "kg/m^3")
-        if not youngs_modulus > 0:
-            raise SceneError(f"{name}: youngs_modulus must be positive, got {youngs_modulus} Pa")
+        density = checked_density(name, density, "kg/m^3")
+        youngs_modulus = positive_number(youngs_modulus, f"{name}: youngs_modulus", "Pa", SceneError)
         shape = tetrahedra_of(shape)
-        super().__init__(scene, name, radius)
+        super().__init__(scene, name, shape.vertices, radius)
         self.contact_modulus = youngs_modulus
-        self.rest, self.cells, self.triangles = shape.vertices, {"tetra": shape.tets}, shape.surface_triangles()
+        self.cells, self.triangles = {"tetra": shape.tets}, shape.surface_triangles()
         self.body = self.mesh.add_primitive("body", num_instances=1)
         center = shape.vertices.mean(axis=0)
         matrix = self.body.add_attribute("affine_matrix", rows=3, cols=3, value=np.eye(3))
@@ -56,8 +56,8 @@ class AffineBody(Body):
 
         self.vertices = self.mesh.add_primitive("vertices", num_instances=len(shape.vertices))
         of_body = self.vertices.add_connectivity("of_body", self.body, np.zeros(len(shape.vertices), int), 1)
-        own_matrix = self.vertices.add_attribute("affine_matrix", through=of_body, source=matrix).reshape(3, 3)
-        own_translation = self.vertices.add_attribute("translation", through=of_body, source=translation).reshape(3, 1)
+        own_matrix = self.vertices.add_attribute("affine_matrix", through=of_body, source=matrix)
+        own_translation = self.vertices.add_attribute("translation", through=of_body, source=translation)
         rest = self.vertices.add_constant("rest_position", rows=3, cols=1, value=shape.vertices - center)
-        self.vertices.add_attribute("position", computed_attribute=own_matrix * rest + own_translation)
+        self.vertices.add_attribute("position", computed_attribute=affine_position(own_matrix, own_translation, rest))
         self.vertices.add_constant("mass", rows=1, cols=1, value=shape.vertex_masses(density))

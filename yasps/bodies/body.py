@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from yasps import Attribute, DataError, Mesh, Primitive, Scene, SceneError
-from yasps.frontend.language.arrays import real_numbers
+from yasps.frontend.language.arrays import positive_number, real_numbers
 from yasps.meshes.tetrahedral_mesh import Float64Array, Int32Array
 
 
@@ -28,6 +28,7 @@ class Body:
     - energies: what the body added to the scene.
     - targets: stored variables that move the body; falling: those of them that a uniform acceleration moves.
     - arms: of targets that are no positions, how far at most a vertex moves for a unit of the target [m].
+    - history: constants that `start_step` sets and that belong to the state of the body.
     - meets_itself: whether its surface can meet itself; a stiff body's can't.
     """
 
@@ -41,17 +42,24 @@ class Body:
     cells: Mapping[str, Int32Array]
     targets: tuple[Attribute, ...] = ()
     falling: tuple[Attribute, ...] = ()
+    history: tuple[Attribute, ...] = ()
     meets_itself: bool = True
     arms: Mapping[Attribute, float] = MappingProxyType({})
 
-    def __init__(self, scene: Scene, name: str, radius: ArrayLike = 0.0) -> None:
-        """Adds the mesh. radius: half the thickness of its surface, one or one a vertex [m].
+    def __init__(self, scene: Scene, name: str, rest: Float64Array, radius: ArrayLike = 0.0) -> None:
+        """Adds the mesh. rest: positions of its vertices at rest [m], [n, 3]. radius: half the thickness of its
+        surface, one or one a vertex [m].
 
-        Raises NameTakenError, DataError for radii that are no lengths.
+        Raises NameTakenError, DataError for radii that are no lengths or too many or few.
         """
+        if not isinstance(scene, Scene):
+            raise SceneError(f"a body is added to a scene, got {scene!r}")
+        self.rest = rest
         self.radius = real_numbers(radius, f"the radius of {name}")
-        if self.radius.ndim > 1 or (self.radius < 0).any():
-            raise DataError(f"the radius of {name} is a length >= 0, or one for each vertex, got {radius!r}")
+        if self.radius.shape not in ((), (len(rest),)) or (self.radius < 0).any():
+            raise DataError(
+                f"the radius of {name} is a length >= 0, or one for each of {len(rest)} vertices, got {radius!r}"
+            )
         self.scene = scene
         self.name = name
         self.mesh = scene.add_mesh(name)
@@ -87,10 +95,11 @@ class Body:
         return self.position.compute().array.reshape(-1, 3)
 
     def radii(self) -> Float64Array:
-        """The radius of each vertex [m], [n]. Raises DataError for a radius of another number of vertices."""
-        if self.radius.shape not in ((), (len(self.rest),)):
-            raise DataError(f"{self.name} has {len(self.rest)} vertices and {len(self.radius)} radii")
+        """The radius of each vertex [m], [n]."""
         return np.broadcast_to(self.radius, (len(self.rest),))
+
+    def start_step(self) -> None:
+        """What a body does before each step of a simulation; it moves no vertex. Nothing, by default."""
 
     def add_energy(self, energy: Attribute, projection: str = "clamp") -> None:
         """Registers an energy [J] of this body with the scene, so that it goes when the body goes."""
@@ -98,7 +107,6 @@ class Body:
         self.energies.append(energy)
 
 
-def check_density(name: str, density: float, unit: str) -> None:
-    """Raises SceneError unless it is positive and finite."""
-    if not (np.isfinite(density) and density > 0):
-        raise SceneError(f"{name}: density must be a positive number of {unit}, got {density}")
+def checked_density(name: str, density: float, unit: str) -> float:
+    """The density, if it is positive and finite. Raises SceneError."""
+    return positive_number(density, f"{name}: density", unit, SceneError)

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from numpy.typing import ArrayLike
 
-from yasps import Scene, materials
-from yasps.bodies.body import Body, check_density
-from yasps.meshes import TriangleMesh, hinge_stiffness, hinges_of, triangle_vertex_masses
+from yasps import Scene, SceneError, materials
+from yasps.bodies.body import Body, checked_density
+from yasps.frontend.language.arrays import positive_number, real_numbers
+from yasps.meshes import MeshError, TriangleMesh, hinge_stiffness, hinges_of, triangle_vertex_masses
 
 
 class Cloth(Body):
@@ -37,14 +38,21 @@ class Cloth(Body):
         shortening; warp: direction of the warp threads, projected into each triangle; radius: half the thickness, see
         `Body` [m]. Its contact modulus is `stretch` over the thickness, or over that of a cloth of 1000 kg/m^3.
 
-        Raises SceneError, NameTakenError.
+        Raises SceneError, MeshError, DataError, NameTakenError.
         """
-        check_density(name, area_density, "kg/m^2")
+        area_density = checked_density(name, area_density, "kg/m^2")
+        stretch = positive_number(stretch, f"{name}: stretch", "J/m^2", SceneError)
+        for what, given in (("shear", shear), ("bending", bending), ("compression", compression)):
+            number = real_numbers(given, f"{name}: {what}", SceneError)
+            if number.shape != () or number < 0:
+                raise SceneError(f"{name}: {what} must be a number >= 0, got {given!r}")
+        if not isinstance(shape, TriangleMesh):
+            raise MeshError(f"{name}: a cloth is a TriangleMesh, got {shape!r}")
         inverse, area = materials.rest_triangles(shape.vertices, shape.triangles, warp)
-        super().__init__(scene, name, radius)
+        super().__init__(scene, name, shape.vertices, radius)
         thickness = 2 * float(self.radius.mean()) or area_density / 1000.0
         self.contact_modulus = stretch / thickness
-        self.rest, self.cells, self.triangles = shape.vertices, {"triangle": shape.triangles}, shape.triangles
+        self.cells, self.triangles = {"triangle": shape.triangles}, shape.triangles
         self.vertices = self.mesh.add_primitive("vertices", num_instances=len(shape.vertices))
         position = self.vertices.add_attribute("position", rows=3, cols=1, value=shape.vertices)
         self.vertices.add_constant("rest_position", rows=3, cols=1, value=shape.vertices)

@@ -10,8 +10,8 @@ from numpy.typing import ArrayLike
 from yasps import DataError, Scene
 from yasps.bodies.body import Body
 from yasps.contact import Plane
-from yasps.frontend.language.arrays import real_numbers
-from yasps.meshes import TriangleMesh, ground
+from yasps.frontend.language.arrays import positive_number, real_numbers
+from yasps.meshes import MeshError, TriangleMesh, ground
 from yasps.meshes.tetrahedral_mesh import Float64Array
 
 
@@ -21,10 +21,15 @@ class Obstacle(Body):
     def __init__(self, scene: Scene, name: str, shape: TriangleMesh, *, radius: ArrayLike = 0.0) -> None:
         """Adds the obstacle where the mesh lies; radius: of the surface, see `Body` [m].
 
-        Raises NameTakenError, DataError.
+        Raises NameTakenError, MeshError, DataError.
         """
-        super().__init__(scene, name, radius)
-        self.rest, self.cells, self.triangles = shape.vertices, {"triangle": shape.triangles}, shape.triangles
+        if not isinstance(shape, TriangleMesh):
+            raise MeshError(
+                f"{name}: an obstacle is a TriangleMesh, got {shape!r}; of tetrahedra take the surface,"
+                " TriangleMesh(shape.vertices, shape.surface_triangles())"
+            )
+        super().__init__(scene, name, shape.vertices, radius)
+        self.cells, self.triangles = {"triangle": shape.triangles}, shape.triangles
         self.vertices = self.mesh.add_primitive("vertices", num_instances=len(shape.vertices))
         self._add_position(shape.vertices)
         self.vertices.add_constant("rest_position", rows=3, cols=1, value=shape.vertices)
@@ -37,8 +42,9 @@ class MovingObstacle(Obstacle):
     """A surface that moves as it is told, whatever is in its way; a simulation moves it.
 
     motion: where its vertices are [m]: a function of time [s] that gives [n, 3]; an array [steps + 1, n, 3], positions
-    at time 0 and at the end of each time step, the last ones from then on; an array [n, 3], where to be at the end of
-    the next step; or None, where `move_to` says. Vertices move straight within a step.
+    at time 0 and at the end of each time step (as long as that was at first), the last ones from then on; an array
+    [n, 3], where to be at the end of the next step; or None, where `move_to` says. Vertices move straight within a
+    step.
 
     Within a step vertices are on the way from where they were: `vertices`: `start` [m], `way` [m], both constant, and
     `position`, start + progress way. `course`: `progress`, a target from 0 to 1; `pull` [J] and `aim` of the energy
@@ -110,14 +116,17 @@ class HalfSpace(Body):
         """normal: out of the half-space, of any length but 0; height: of the plane over the origin along the normal
         [m]; size: side of the square that pictures show [m]. Raises DataError, NameTakenError.
         """
+        above = real_numbers(height, f"the height of {name}")
+        if above.shape != ():
+            raise DataError(f"the height of {name} is one number [m], got {height!r}")
+        size = positive_number(size, f"the size of {name}", "m")
         direction = real_numbers(normal, f"the normal of {name}")
         length = float(np.linalg.norm(direction))
         if direction.shape != (3,) or not length > 0:
             raise DataError(f"the normal of {name} is a vector [3] that is not 0, got {normal!r}")
-        super().__init__(scene, name)
-        direction = direction / length
+        super().__init__(scene, name, np.empty((0, 3)))
+        direction, height = direction / length, float(above)
         self.plane = Plane(name, tuple(direction.tolist()), tuple((height * direction).tolist()))
-        self.rest = np.empty((0, 3))
         self.triangles = np.empty((0, 3), np.int32)
         across = np.cross(direction, np.eye(3)[np.argmin(np.abs(direction))])
         across /= np.linalg.norm(across)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from numpy.typing import ArrayLike
 
 from yasps import Scene, materials
-from yasps.bodies.body import Body, check_density
+from yasps.bodies.body import Body, checked_density
 from yasps.meshes import TetrahedralMesh, TriangleMesh, tetrahedra_of
 
 
@@ -35,11 +35,12 @@ class SoftBody(Body):
         Raises SceneError for numbers out of range, NameTakenError, MeshError.
         """
         mu, lam = materials.stable_neo_hookean_parameters(youngs_modulus, poisson_ratio)
-        check_density(name, density, "kg/m^3")
+        density = checked_density(name, density, "kg/m^3")
         shape = tetrahedra_of(shape)
-        super().__init__(scene, name, radius)
-        self.contact_modulus = youngs_modulus
-        self.rest, self.cells, self.triangles = shape.vertices, {"tetra": shape.tets}, shape.surface_triangles()
+        inverse, volume = materials.rest_shape(shape.vertices, shape.tets)
+        super().__init__(scene, name, shape.vertices, radius)
+        self.contact_modulus = float(youngs_modulus)
+        self.cells, self.triangles = {"tetra": shape.tets}, shape.surface_triangles()
         self.vertices = self.mesh.add_primitive("vertices", num_instances=len(shape.vertices))
         position = self.vertices.add_attribute("position", rows=3, cols=1, value=shape.vertices)
         self.vertices.add_constant("rest_position", rows=3, cols=1, value=shape.vertices)
@@ -49,7 +50,6 @@ class SoftBody(Body):
         self.tets = self.mesh.add_primitive("tets", num_instances=len(shape.tets))
         corners = self.tets.add_connectivity("corners", self.vertices, shape.tets, 4)
         positions = self.tets.add_attribute("positions", through=corners, source=position)
-        inverse, volume = materials.rest_shape(shape.vertices, shape.tets)
         rest_edges_inverse = self.tets.add_constant("rest_edges_inverse", rows=3, cols=3, value=inverse)
         rest_volume = self.tets.add_constant("rest_volume", rows=1, cols=1, value=volume)
         deformation = self.tets.add_attribute(
@@ -61,7 +61,8 @@ class SoftBody(Body):
         self.add_energy(self.tets.add_attribute("elastic", computed_attribute=elastic))
 
     def set_stiffness(self, youngs_modulus: float, poisson_ratio: float) -> None:
-        """Changes the material [Pa] between steps; nothing is compiled again. Raises SceneError."""
+        """Changes the material [Pa] between steps; nothing is compiled again. Contact keeps the stiffness that it has.
+        Raises SceneError."""
         mu, lam = materials.stable_neo_hookean_parameters(youngs_modulus, poisson_ratio)
         self.mu.update_value(mu)
         self.lam.update_value(lam)

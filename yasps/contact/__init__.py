@@ -5,11 +5,13 @@ from yasps.contact.barrier import BARRIERS, barrier, mollifier, paper_barrier
 from yasps.contact.barrier_contact import BarrierContact, ContactPast
 from yasps.contact.collision_geometry import Candidates, CollisionGeometry, narrowest_gap
 from yasps.contact.contact_forces import ContactForces, ContactPairs, contact_forces
+from yasps.contact.contact_parts import ContactParts
 from yasps.contact.contact_table import ContactTable
+from yasps.contact.crushed_pairs import crushed_gradient
 from yasps.contact.distances import squared_line_line, squared_point_line, squared_point_plane, squared_point_point
 from yasps.contact.half_spaces import Plane
 from yasps.contact.kinds import HALF_SPACE, KINDS, Kind
-from yasps.contact.pair_primitive import ContactParts, PairPrimitive
+from yasps.contact.pair_primitive import PairPrimitive
 from yasps.contact.separation import Separation, separate
 from yasps.contact.start_findings import Flipped, Overlap, StartState, Touching
 from yasps.contact.start_state import check_start, start_state
@@ -40,6 +42,7 @@ __all__ = [
     "barrier",
     "check_start",
     "contact_forces",
+    "crushed_gradient",
     "mollifier",
     "narrowest_gap",
     "paper_barrier",

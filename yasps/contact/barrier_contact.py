@@ -20,13 +20,14 @@ from yasps import Attribute, FloatArray, IntersectionError, Mesh, PrimitiveBase,
 from yasps.contact.active_set import ActiveSet, Ids, Pairs, PlanePairs
 from yasps.contact.barrier import BARRIERS
 from yasps.contact.collision_geometry import Candidates, CollisionGeometry
-from yasps.contact.contact_table import ContactLaws, ContactTable, laws_of
+from yasps.contact.contact_parts import OWN_NAMES, add_parts
+from yasps.contact.contact_table import ContactTable, laws_of
 from yasps.contact.friction import Friction, Lag, checked_slip_length
 from yasps.contact.half_spaces import HalfSpaces, Plane
 from yasps.contact.kinds import HALF_SPACE, KINDS
-from yasps.contact.pair_primitive import ContactParts, PairPrimitive
+from yasps.contact.object_names import ObjectNames
+from yasps.contact.pair_primitive import PairPrimitive
 from yasps.contact.surface_arguments import checked_points, checked_radii
-from yasps.contact.surface_measures import SurfaceMeasures, add_surface_points
 from yasps.frontend.language.arrays import positive_number
 from yasps.frontend.language.in_scene import InScene
 from yasps.frontend.language.scene_lock import one_thread_at_a_time
@@ -36,6 +37,8 @@ LOGGER = logging.getLogger("yasps")
 MARGIN = 0.25
 """Ways that leave another by less than this many activation distances share its candidates: a larger margin saves
 searches, but brings more pairs to measure at every trial step."""
+PROJECTIONS = ("clamp", "abs", "none")
+"""Of energies, as `Scene.add_energy` takes them."""
 
 
 @dataclass(frozen=True)
@@ -101,11 +104,18 @@ class BarrierContact(InScene):
     ) -> None:
         if barrier not in BARRIERS:
             raise SceneError(f"barrier is one of {', '.join(map(repr, BARRIERS))}, got {barrier!r}")
+        if projection not in PROJECTIONS:
+            raise SceneError(f"projection is one of {', '.join(map(repr, PROJECTIONS))}, got {projection!r}")
+        table = ContactTable() if table is None else table
+        if not isinstance(table, ContactTable):
+            raise SceneError(f"the table is a ContactTable, got {table!r}")
+        if not all(isinstance(plane, Plane) for plane in planes):
+            raise SceneError(f"planes are a list of Plane (yasps.contact), got {planes!r}")
         law = BARRIERS[barrier]
         if stiffness is not None or barrier == "paper":
             given = np.nan if stiffness is None else stiffness
             stiffness = positive_number(given, "contact stiffness", law.unit, SceneError)
-        for name in _OWN_NAMES:
+        for name in OWN_NAMES:
             mesh.check_child_name(name, "a part of contact")
         self.position = vertices["position"]
         if self.position.shape != (3, 1):
@@ -113,15 +123,14 @@ class BarrierContact(InScene):
         self._lock = mesh.scene.lock
         positions = self.positions()
         objects = _members_of(vertices) if objects is None else objects
+        ObjectNames(objects, len(positions))  # they must add up before laws are made of them
         thickness = checked_radii(radii, len(positions))
         rest = None if rest_positions is None else checked_points(rest_positions, "rest_positions", len(positions))
         has_own_rest = rest is None and "rest_position" in vertices
         if rest is None:
             rest = vertices["rest_position"].compute().array.reshape(-1, 3) if has_own_rest else positions
         moduli = {} if moduli is None or barrier == "paper" else moduli
-        self.laws = laws_of(
-            table or ContactTable(), objects, moduli, [plane.name for plane in planes], stiffness=stiffness
-        )
+        self.laws = laws_of(table, objects, moduli, [plane.name for plane in planes], stiffness=stiffness)
         slip_length = checked_slip_length(slip_length, mesh) if self.laws.has_friction else None
         self.geometry = CollisionGeometry(
             rest,
@@ -144,7 +153,7 @@ class BarrierContact(InScene):
         self.half_spaces = HalfSpaces(planes, meets, thickness, activation_distance)
         self.check_intersection_free(positions)
         _announce_loose_vertices(self.geometry, objects)
-        self.parts = _add_parts(
+        self.parts = add_parts(
             mesh,
             vertices,
             self.geometry,
@@ -174,7 +183,7 @@ class BarrierContact(InScene):
         self._where = positions
         self._accepted = positions
         self.active = self._close_pairs(positions)
-        self._apply(self.active)
+        self.show_only({})
         self.lag()
 
     @property
@@ -190,25 +199,32 @@ class BarrierContact(InScene):
     def check_intersection_free(self, positions: FloatArray) -> None:
         """Raises IntersectionError, with names, if surfaces cross or touch, or something is in a half-space."""
         self.geometry.check_intersection_free(positions)
-        self.half_spaces.check_free(positions, self.geometry._name)
+        self.half_spaces.check_free(positions, self.geometry.names.of)
 
     def positions(self) -> FloatArray:
         """Current positions of all vertices, [n, 3]."""
         return self.position.compute().array.reshape(-1, 3)
 
     @one_thread_at_a_time
-    def start_step(self) -> None:
+    def start_step(self) -> FloatArray:
         """Begins a time step: checks the way of what was moved from outside since the last one (see `check_way`), and
         takes normal forces of friction from the present positions. Slips count from the positions accepted before, so
-        obstacles that were moved by hand drag what lies on them.
+        obstacles that were moved by hand drag what lies on them. Returns those, [n, 3].
 
-        `BackwardEuler.step` does so. Raises IntersectionError.
+        `TimeStepper.step` does so. Raises IntersectionError.
         """
         before = self._accepted
         self.check_way()
         if self.friction is not None:
             self.friction.start_step(before)
             self.lag()
+        return before
+
+    def count_slips_from(self, positions: FloatArray) -> None:
+        """Other positions of all vertices [n, 3] from which slips count in this step: a formula for velocities (see
+        `Integrator` of `yasps.stepping`) may look farther back."""
+        if self.friction is not None:
+            self.friction.start_step(positions)
 
     @one_thread_at_a_time
     def lag(self) -> None:
@@ -241,14 +257,14 @@ class BarrierContact(InScene):
         """Looks for collisions on the straight way from the positions last accepted to these, by default the present
         ones, and accepts these.
 
-        `minimize` and `BackwardEuler.step` do so before anything else. Raises IntersectionError that names the vertices
+        `minimize` and `TimeStepper.step` do so before anything else. Raises IntersectionError that names the vertices
         where surfaces meet on the way or nearly do (see `CollisionGeometry.check_way`); nothing is accepted then.
         """
         where = self.positions() if positions is None else positions
         if np.array_equal(where, self._accepted):
             return
         try:
-            self.geometry.check_way(self._accepted, where)
+            self.check_free_way(self._accepted, where)
         except IntersectionError as error:
             raise IntersectionError(
                 f"positions were changed since the last step (by update_value?), and something is in the way: {error}."
@@ -261,7 +277,7 @@ class BarrierContact(InScene):
         """Raises IntersectionError, with names, if something meets on the straight way from start to end [n, 3], from
         where surfaces are apart. only: bool [n], of surface pieces those of these vertices alone."""
         self.geometry.check_way(start, end, only=only)
-        self.half_spaces.check_free(end, self.geometry._name)
+        self.half_spaces.check_free(end, self.geometry.names.of)
 
     @one_thread_at_a_time
     def reset(self) -> None:
@@ -285,7 +301,7 @@ class BarrierContact(InScene):
         if not np.array_equal(where, self._where):
             self.active = self._close_pairs(where, candidates)
             self._where = np.array(where)
-            self._apply(self.active)
+            self.show_only({})
         return self.active
 
     @one_thread_at_a_time
@@ -316,12 +332,15 @@ class BarrierContact(InScene):
         longest = float(np.sqrt(np.einsum("ij,ij->i", way, way).max(initial=0.0)))
         return 0.0 < 2 * longest <= 0.9 * least
 
-    def _apply(self, active: ActiveSet) -> None:
-        for name, pairs in active.kinds().items():
-            if name not in self.primitives or (name in self._given and pairs.same_as(self._given[name])):
-                continue
-            self._given[name] = pairs
-            self.primitives[name].update(pairs, self.laws_of_pairs(name, pairs))
+    def show_only(self, chosen: Mapping[str, NDArray[np.bool_]]) -> None:
+        """Gives the scene of each of these kinds the pairs of the active set that the mask, [n], chooses, and all pairs
+        of the others."""
+        for name, primitive in self.primitives.items():
+            pairs = self.active.kinds()[name]
+            pairs = pairs.chosen(chosen[name]) if name in chosen else pairs
+            if name not in self._given or not pairs.same_as(self._given[name]):
+                self._given[name] = pairs
+                primitive.update(pairs, self.laws_of_pairs(name, pairs))
 
     def laws_of_pairs(self, name: str, pairs: Pairs) -> Ids:
         """The number of the law of each pair of a kind, [n]."""
@@ -329,53 +348,6 @@ class BarrierContact(InScene):
             return self.laws.of_planes(pairs.vertices[:, 0], pairs.planes)
         first, second = KINDS[name].sides
         return self.laws.of(pairs.vertices[:, first], pairs.vertices[:, second])
-
-
-_OWN_NAMES = (
-    *("reach", "squared_reach", "slip_length", "laws", "planes", "surface_points", "surface_triangles"),
-    *(f"{kind}{part}" for kind in (*KINDS, "half_space") for part in ("", "_friction")),
-)
-"""What contact adds to its mesh."""
-
-
-def _add_parts(
-    mesh: Mesh,
-    vertices: PrimitiveBase,
-    geometry: CollisionGeometry,
-    laws: ContactLaws,
-    half_spaces: HalfSpaces,
-    *,
-    barrier: str,
-    rest: FloatArray | None,
-    radii: FloatArray,
-) -> ContactParts:
-    """Constants and primitives that all kinds read; rest: None for the attribute `rest_position` of the vertices."""
-    distance = geometry.activation_distance
-    reach = mesh.add_constant("reach", 1, 1, value=distance)
-    squared_reach = mesh.add_constant("squared_reach", 1, 1, value=distance**2)
-    law = mesh.add_primitive("laws", len(laws.stiffness))
-    for name in ("stiffness", "friction", "kinetic_friction"):
-        law.add_constant(name, 1, 1, value=getattr(laws, name))
-    planes = None
-    if len(half_spaces):
-        planes = mesh.add_primitive("planes", len(half_spaces))
-        planes.add_constant("normal", 3, 1, value=half_spaces.normals)
-        planes.add_constant("point", 3, 1, value=half_spaces.points)
-    points = add_surface_points(mesh, vertices, rest, radii)
-    varying = [radii[geometry.triangles], radii[geometry.edges]]
-    return ContactParts(
-        mesh=mesh,
-        vertices=vertices,
-        points=points,
-        laws=law,
-        planes=planes,
-        reach=reach,
-        squared_reach=squared_reach,
-        measures=SurfaceMeasures(mesh, points, geometry, radii) if barrier != "paper" else None,
-        barrier=BARRIERS[barrier],
-        is_thick=bool(radii.any()),
-        radii_vary=any(bool((part != part[:, :1]).any()) for part in varying),
-    )
 
 
 def _members_of(vertices: PrimitiveBase) -> dict[str, int]:

@@ -21,6 +21,7 @@ from numpy.typing import ArrayLike, NDArray
 from yasps import DataError, IntersectionError, SceneError
 from yasps.contact.active_set import ActiveSet, Floats, Ids, active_set_of
 from yasps.contact.crossings import Crossings
+from yasps.contact.object_names import ObjectNames
 from yasps.contact.surface_arguments import (
     checked_classes,
     checked_ids,
@@ -30,8 +31,6 @@ from yasps.contact.surface_arguments import (
     checked_vertices,
     first_not_finite,
     labels_of_filter,
-    objects_of_vertices,
-    ranges_of_objects,
 )
 from yasps.frontend.language.arrays import positive_number, real_numbers
 from yasps.meshes import TetrahedralMesh
@@ -107,7 +106,7 @@ class CollisionGeometry(Uncopied):
         rest = checked_points(rest_positions, "rest_positions").copy()
         self.vertex_count = len(rest)
         self.activation_distance = reach = positive_number(activation_distance, "activation_distance", "m")
-        self._objects = ranges_of_objects(objects, self.vertex_count)
+        self.names = ObjectNames(objects, self.vertex_count)
         faces = checked_ids(triangles, 3, self.vertex_count, "triangles")
         lines = checked_ids(np.empty((0, 2)) if edges is None else edges, 2, self.vertex_count, "edges")
 
@@ -139,7 +138,7 @@ class CollisionGeometry(Uncopied):
             runtime or load_runtime(find_compiler()),
             Pieces(full_id, edges_of_scene, self.triangles, loose, edges_of_scene[is_free]),
             np.full(self.vertex_count, -1, np.int32) if labels is None else labels,
-            Thickness(thick, objects_of_vertices(self._objects, self.vertex_count), reach) if is_thick else None,
+            Thickness(thick, self.names.objects_of_vertices(), reach) if is_thick else None,
             classes,
         )
         self.edges: Ids = self._surface.edges
@@ -148,7 +147,7 @@ class CollisionGeometry(Uncopied):
     @property
     def objects(self) -> dict[str, int]:
         """Name -> number of vertices, in the order of the scene; one without a name if none were given."""
-        return {name: end - first for name, first, end in self._objects} or {"": self.vertex_count}
+        return self.names.counts()
 
     def rest_areas(self) -> Floats:
         """A third of the area of the triangles around each vertex at rest [m^2], [n]."""
@@ -290,7 +289,7 @@ class CollisionGeometry(Uncopied):
             done = reached
         nearest = self._nearest(here, pairs)
         raise IntersectionError(
-            f"{self._pieces(nearest)} collide at {reached:.3f} of the straight way; they are"
+            f"{self.names.of_pair(nearest)} collide at {reached:.3f} of the straight way; they are"
             f" {self._gap(first, nearest):.3g} apart{self._beyond} at its start, and nearer than {allowed:.3g} counts"
             " as a collision"
         )
@@ -331,8 +330,8 @@ class CollisionGeometry(Uncopied):
         if not np.isfinite(full).all():
             count, first = first_not_finite(full)
             raise DataError(
-                f"{name}: {count} vertices are NaN or infinite, first {self._name(first)}; the previous step has gone"
-                " wrong"
+                f"{name}: {count} vertices are NaN or infinite, first {self.names.of(first)}; the previous step has"
+                " gone wrong"
             )
         return full
 
@@ -360,11 +359,11 @@ class CollisionGeometry(Uncopied):
         if not self._crossings.exist(positions):
             return
         edges, triangles = self._crossings.all(positions)
-        face = self.triangles[triangles[0]]
+        edge, face = (self.names.of_all(ids.tolist()) for ids in (edges[0], self.triangles[triangles[0]]))
         raise IntersectionError(
-            f"{name}: {len(edges)} edges cross or touch triangles; first: edge ({self._names(edges[0].tolist())})"
-            f" and triangle ({self._names(face.tolist())}). Move the objects apart (contact needs a positive distance"
-            " everywhere), or put objects that may overlap into one group"
+            f"{name}: {len(edges)} edges cross or touch triangles; first: edge ({edge}) and triangle ({face}). Move the"
+            " objects apart (contact needs a positive distance everywhere), or put objects that may overlap into one"
+            " group"
         )
 
     def _require_gap(self, positions: Floats, name: str) -> None:
@@ -377,13 +376,13 @@ class CollisionGeometry(Uncopied):
         count = int(sum(kind.weight.sum() for kind in touching.kinds().values()))
         raise IntersectionError(
             f"{name}: {count} pairs are nearer to each other than their radii; deepest:"
-            f" {self._pieces(self._nearest(positions, pairs))}, by {max(0.0, -touching.minimum_gap):.3g}. Move the"
-            " objects apart, or give them smaller radii"
+            f" {self.names.of_pair(self._nearest(positions, pairs))}, by {max(0.0, -touching.minimum_gap):.3g}. Move"
+            " the objects apart, or give them smaller radii"
         )
 
     def _raise_touching(self, touching: ActiveSet, rounding: float) -> Never:
         kind, pairs = next((kind, pairs) for kind, pairs in touching.kinds().items() if len(pairs) > 0)
-        first = f"a {kind.replace('_', ' ')} pair: {self._names(pairs.vertices[0].tolist())}"
+        first = f"a {kind.replace('_', ' ')} pair: {self.names.of_all(pairs.vertices[0].tolist())}"
         raise IntersectionError(
             f"start: {len(touching)} pairs touch (closer{self._beyond} than positions are rounded, {rounding:.1g});"
             f" first, {first}. No step can be bounded from there: start with a gap between the objects"
@@ -392,25 +391,6 @@ class CollisionGeometry(Uncopied):
     @property
     def _beyond(self) -> str:
         return "" if self._surface.thickness is None else " beyond their radii"
-
-    def _pieces(self, pair: SurfacePairs) -> str:
-        """The two pieces of a single pair, for messages."""
-        if len(pair.vertex_triangle) > 0:
-            vertex, *corners = pair.vertex_triangle[0].tolist()
-            return f"{self._name(vertex)} and triangle ({self._names(corners)})"
-        ends = pair.edge_edge[0].tolist()
-        pieces = [self._name(a) if a == b else f"edge ({self._names([a, b])})" for a, b in (ends[:2], ends[2:])]
-        return " and ".join(pieces)
-
-    def _name(self, vertex: int) -> str:
-        """The object that a vertex belongs to, and its number there, for messages."""
-        for name, first, end in self._objects:
-            if first <= vertex < end:
-                return f"vertex {vertex - first} of '{name}'"
-        return f"vertex {vertex}"
-
-    def _names(self, vertices: list[int]) -> str:
-        return ", ".join(self._name(vertex) for vertex in vertices)
 
 
 def _touching(positions: Floats) -> float:

@@ -11,8 +11,9 @@ from dataclasses import dataclass, fields
 from typing import Any, TypeVar
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
+from yasps import DataError, SceneError
 from yasps.contact.active_set import Floats, Ids, PlanePairs
 from yasps.contact.barrier_contact import BarrierContact
 from yasps.contact.kinds import Kind
@@ -25,6 +26,7 @@ from yasps.contact.pair_forces import (
     mollifiers,
 )
 from yasps.contact.pair_primitive import PairPrimitive
+from yasps.frontend.language.arrays import real_numbers
 
 
 @dataclass(frozen=True)
@@ -93,13 +95,13 @@ class ContactForces:
     """The pairs that rub: those that were near when friction was lagged."""
 
     def number_of(self, name: str) -> int:
-        """The number of a body. Raises KeyError for names of none."""
+        """The number of a body. Raises SceneError for names of none."""
         if name not in self.names:
-            raise KeyError(f"{name!r} is no body of this contact; there are {', '.join(map(repr, self.names))}")
+            raise SceneError(f"{name!r} is no body of this contact; there are {', '.join(map(repr, self.names))}")
         return self.names.index(name)
 
     def on_vertices(self, part: str = "both") -> Floats:
-        """Force on each vertex [N], [n, 3]. part: "normal", "friction" or "both"."""
+        """Force on each vertex [N], [n, 3]. part: "normal", "friction" or "both", else SceneError."""
         found = np.zeros((len(self.body_of), 3))
         for pairs in self._parts(part):
             there = pairs.vertices >= 0
@@ -133,10 +135,10 @@ class ContactForces:
         sums = [np.bincount(self.body_of, weights * x, minlength=count) for x in self.positions.T]
         return np.asarray(np.stack(sums, axis=1) / np.maximum(total, 1e-300)[:, None], np.float64)
 
-    def torques(self, about: Floats | None = None, part: str = "both") -> Floats:
-        """Sum of the torques on each body [N m], [bodies, 3], about its centre of mass, or about points of one's own,
-        [bodies, 3]."""
-        about = self.centres() if about is None else np.broadcast_to(about, (len(self.names), 3))
+    def torques(self, about: ArrayLike | None = None, part: str = "both") -> Floats:
+        """Sum of the torques on each body [N m], [bodies, 3], about its centre of mass, or about one point of one's own
+        for all, [3], or one each, [bodies, 3]. Raises DataError for points of another shape."""
+        about = self.centres() if about is None else self._points(about)
         found = np.zeros((len(self.names), 3))
         for pairs in self._parts(part):
             there = pairs.vertices >= 0
@@ -149,6 +151,12 @@ class ContactForces:
             np.add.at(found, owners, np.cross(arms, -pairs.on_first[of_space]))
         return found
 
+    def _points(self, about: ArrayLike) -> Floats:
+        points = real_numbers(about, "about")
+        if points.shape not in ((3,), (len(self.names), 3)):
+            raise DataError(f"about is one point [3], or one for each body, [{len(self.names)}, 3], got {points.shape}")
+        return np.broadcast_to(points, (len(self.names), 3))
+
     def pressures(self) -> Floats:
         """Size of the normal force on each vertex over its area [Pa], [n]; 0 where it has no area."""
         size = np.linalg.norm(self.on_vertices("normal"), axis=1)
@@ -158,7 +166,7 @@ class ContactForces:
         parts: dict[str, list[ContactPairs]] = {"normal": [self.normal], "friction": [self.friction]}
         parts["both"] = [self.normal, self.friction]
         if part not in parts:
-            raise ValueError(f"part is one of {', '.join(map(repr, parts))}, got {part!r}")
+            raise SceneError(f"part is one of {', '.join(map(repr, parts))}, got {part!r}")
         return parts[part]
 
 
@@ -319,6 +327,9 @@ def _rubbing_of(
     potential, by_slip = friction_slopes(way, length, static, kinetic)
     load = pairs.primitive["normal_force"].compute().array.reshape(-1)
     push = (load * by_slip)[:, None] * slip
+    offset = (np.abs(weights) * parts.points["radius"].value[ids]).sum(axis=1)
+    if parts.is_thick:
+        offset = offset * pairs.primitive["share"].value
     count, arity = ids.shape
     forces, vertices = np.zeros((count, 4, 3)), np.full((count, 4), -1, np.int32)
     forces[:, :arity], vertices[:, :arity] = -weights[:, :, None] * push[:, None], ids
@@ -328,7 +339,7 @@ def _rubbing_of(
         bodies=bodies.astype(np.int32),
         point=_middles(name, corners, weights, lagged_way),
         normal=-normal,
-        gap=distance - (np.abs(weights) * parts.points["radius"].value[ids]).sum(axis=1),
+        gap=distance - offset,
         energy=load * potential,
         forces=forces,
         on_first=push,

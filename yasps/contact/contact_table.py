@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterable, Mapping, Sequence
+from copy import copy
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from yasps import SceneError
 from yasps.contact.active_set import Floats, Ids
+from yasps.frontend.language.arrays import positive_number, real_numbers
 
 LOGGER = logging.getLogger("yasps")
 
@@ -43,6 +45,8 @@ class ContactTable:
     def __init__(
         self, friction: float = 0.0, kinetic_friction: float | None = None, stiffness: float | None = None
     ) -> None:
+        if friction is None:
+            raise SceneError("friction of the contact table is a number, 0 for none, got None")
         self._default = _checked(_Entry(friction, kinetic_friction, stiffness), "the contact table")
         self._pairs: dict[frozenset[str], _Entry] = {}
 
@@ -58,13 +62,26 @@ class ContactTable:
     ) -> ContactTable:
         """Says how two bodies meet, by their names in any order; twice the same name: how a body meets itself.
 
-        enabled: False: they go through each other. What is not given is as for all other pairs. Returns the table.
-        Raises SceneError for numbers out of range.
+        enabled: False: they go through each other. What is not given is as for all other pairs, but a pair with a
+        friction of its own has that of things which slide, too, unless it is given. A simulation reads the table when
+        it is made, and when bodies come and go. Returns the table. Raises SceneError for numbers out of range and for
+        what is no name.
         """
         what = f"contact of {first!r} and {second!r}"
-        entry = _Entry(friction, kinetic_friction, stiffness, enabled)
-        self._pairs[frozenset((first, second))] = _checked(entry, what)
+        for name in (first, second):
+            if not isinstance(name, str):
+                raise SceneError(f"a contact table knows bodies by their names, got {name!r}: write body.name")
+        entry = _checked(_Entry(friction, kinetic_friction, stiffness, enabled), what)
+        if friction is None:
+            _checked(replace(entry, friction=self._default.friction), what)
+        self._pairs[frozenset((first, second))] = entry
         return self
+
+    def of(self, names: Iterable[str]) -> ContactTable:
+        """What it says of these bodies alone."""
+        few, chosen = copy(self), set(names)
+        few._pairs = {pair: entry for pair, entry in self._pairs.items() if pair <= chosen}
+        return few
 
     @property
     def names(self) -> frozenset[str]:
@@ -126,9 +143,16 @@ def laws_of(
     objects: name -> number of vertices, in order; moduli: name -> contact modulus [Pa], infinite where it is missing;
     planes: names of half-spaces. stiffness: of all pairs of which the table says nothing.
 
-    Raises SceneError for names in the table that nothing has, and where nothing says how stiff a contact is.
+    Raises SceneError for names that two things have, for names in the table that nothing has, for moduli that are not
+    positive, and where nothing says how stiff a contact is.
     """
     names = [*objects, *planes]
+    if len(set(names)) < len(names):
+        twice = next(name for name in names if names.count(name) > 1)
+        raise SceneError(f"two of the objects and half-spaces are named {twice!r}: give them names of their own")
+    for name, modulus in moduli.items():
+        if real_numbers(modulus, f"the contact modulus of {name!r}", SceneError, finite=False) != np.inf:
+            positive_number(modulus, f"the contact modulus of {name!r}", "Pa", SceneError)
     unknown = sorted(table.names - set(names))
     if unknown:
         raise SceneError(f"the contact table names {unknown[0]!r}, but there are only {', '.join(map(repr, names))}")
@@ -190,11 +214,18 @@ def _announce(given: float | None, modulus: float, bodies: Sequence[str]) -> Non
 
 
 def _checked(entry: _Entry, what: str) -> _Entry:
-    for name, value in vars(entry).items():
-        if name == "enabled" or value is None:
+    """The entry with plain floats. Raises SceneError for numbers out of range."""
+    numbers: dict[str, float] = {}
+    for name in ("friction", "kinetic_friction", "stiffness"):
+        value = getattr(entry, name)
+        if value is None:
             continue
-        if not (isinstance(value, int | float) and np.isfinite(value) and value >= 0):
+        is_number = isinstance(value, int | float | np.integer | np.floating) and not isinstance(value, bool)
+        if not (is_number and np.isfinite(value) and value >= 0):
             raise SceneError(f"{name} of {what} must be a number >= 0, got {value!r}")
+        numbers[name] = float(value)
+    if not isinstance(entry.enabled, bool):
+        raise SceneError(f"enabled of {what} is True or False, got {entry.enabled!r}")
     if entry.stiffness == 0:
         raise SceneError(f"stiffness of {what} must be positive; for none at all set enabled=False")
     if entry.friction is not None and (entry.kinetic_friction or 0.0) > entry.friction:
@@ -202,4 +233,4 @@ def _checked(entry: _Entry, what: str) -> _Entry:
             f"kinetic_friction of {what} is {entry.kinetic_friction}, above friction {entry.friction}: things that "
             "slide would stick harder than things at rest"
         )
-    return entry
+    return _Entry(**numbers, enabled=entry.enabled)

@@ -14,8 +14,9 @@ import numpy as np
 
 from yasps import Attribute, FloatArray, Mesh, SceneError, constant, maximum, select
 from yasps.contact.active_set import Ids, Pairs
+from yasps.contact.contact_parts import ContactParts
 from yasps.contact.kinds import Kind
-from yasps.contact.pair_primitive import ContactParts, PairPrimitive
+from yasps.contact.pair_primitive import PairPrimitive
 from yasps.frontend.language.arrays import positive_number
 
 KINETIC_FROM = 10.0

@@ -2,40 +2,16 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from yasps import Attribute, Mesh, Primitive, PrimitiveBase, concat_rows, minimum
+from yasps import Attribute, concat_rows, minimum
 from yasps.contact.active_set import Ids, Pairs, PlanePairs
-from yasps.contact.barrier import BarrierLaw, excess_of, mollifier, mollifier_threshold, range_of
+from yasps.contact.barrier import excess_of, mollifier, mollifier_threshold, range_of
+from yasps.contact.contact_parts import ContactParts
 from yasps.contact.kinds import Kind
-from yasps.contact.surface_measures import SurfaceMeasures
-
-
-@dataclass(frozen=True)
-class ContactParts:
-    """What all kinds of contact of a scene share.
-
-    vertices: with a 3x1 `position`. points: an instance a vertex, with `radius` and `rest_position`. laws: with
-    `stiffness`, `friction`, `kinetic_friction`; planes: with a unit `normal` and a `point`, both 3x1. reach,
-    squared_reach: d_hat [m] and its square. measures: None: weights are numbers of pairs. is_thick: whether a vertex
-    has a radius; radii_vary: whether one piece of the surface has several.
-    """
-
-    mesh: Mesh
-    vertices: PrimitiveBase
-    points: Primitive
-    laws: Primitive
-    planes: Primitive | None
-    reach: Attribute
-    squared_reach: Attribute
-    measures: SurfaceMeasures | None
-    barrier: BarrierLaw
-    is_thick: bool
-    radii_vary: bool
 
 
 class PairPrimitive:

@@ -18,7 +18,7 @@ from yasps import IntersectionError, SceneError
 from yasps.contact.active_set import Floats
 from yasps.contact.contact_table import ContactTable
 from yasps.contact.partings import Bendings, Inequalities, Translations
-from yasps.contact.start_state import StartBody, Surfaces
+from yasps.contact.start_state import SOLIDS, StartBody, Surfaces
 from yasps.frontend.language.arrays import positive_number
 
 ROUNDS = 60
@@ -73,7 +73,7 @@ def separate(
     Call it before the simulation is made. Raises IntersectionError for overlaps that are too large or that no small
     motion takes away and for what crosses itself, SceneError for wrong arguments; all bodies are then where they were.
     """
-    if not 0 < largest_share <= 1:
+    if not positive_number(largest_share, "largest_share", "of a body's size", SceneError) <= 1:
         raise SceneError(f"largest_share is a share of a body's size between 0 and 1, got {largest_share}")
     surfaces = Surfaces(bodies, table)
     free = [body for body in surfaces.bodies if not body.is_fixed]
@@ -229,7 +229,7 @@ class _Program:
 
 def _cost_of_bending(body: StartBody, mass: Floats) -> sparse.csc_array:
     """Masses, and springs along all edges of the elements."""
-    cells = body.cells.get("tetra", body.triangles)
+    cells = next((cells for kind, cells in body.cells.items() if kind in SOLIDS), body.triangles)
     ends = [(k, j) for k in range(cells.shape[1]) for j in range(k)]
     edges = np.unique(np.sort(np.concatenate([cells[:, pair] for pair in ends]), axis=1), axis=0)
     a, b = edges[:, 0], edges[:, 1]

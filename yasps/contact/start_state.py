@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import sparse
 
-from yasps import Attribute, IntersectionError
+from yasps import Attribute, IntersectionError, SceneError
 from yasps.contact.active_set import Floats, Ids
 from yasps.contact.collision_geometry import CollisionGeometry
 from yasps.contact.contact_table import ContactTable
@@ -30,6 +30,8 @@ from yasps.contact.solid_geometry import closest_on_triangles, shortest_exits, w
 from yasps.contact.start_findings import Flipped, Overlap, StartState, Touching
 
 LOGGER = logging.getLogger("yasps")
+SOLIDS = ("tetra", "tetra10", "hexahedron")
+"""Kinds of cells that have an inside."""
 TOUCHING = 32 * float(np.finfo(np.float64).eps)
 """Gaps below this share of the largest coordinate are rounding; from there `CollisionGeometry` bounds no step."""
 
@@ -50,6 +52,8 @@ class StartBody(Protocol):
     @property
     def is_fixed(self) -> bool: ...
     @property
+    def stands_still(self) -> bool: ...
+    @property
     def position(self) -> Attribute: ...
     @property
     def mass(self) -> Attribute: ...
@@ -60,8 +64,9 @@ class StartBody(Protocol):
 def start_state(bodies: Sequence[StartBody], table: ContactTable | None = None) -> StartState:
     """Looks at the present state of bodies: what crosses, touches, lies inside, is flipped. Changes nothing.
 
-    Groups are those of `yasps.simulation`: fixed bodies may overlap each other, and stiff ones themselves; so may those
-    that don't meet by the table. Only bodies of tetrahedra have an inside: a closed surface alone may be a room.
+    Groups are those of `yasps.simulation`: bodies that stand still may overlap each other, and stiff ones themselves;
+    so may those that don't meet by the table. Only bodies of tetrahedra or hexahedra have an inside: a closed surface
+    alone may be a room. Raises SceneError for what are no bodies.
     """
     return Surfaces(bodies, table).state()
 
@@ -98,8 +103,15 @@ class Surfaces:
     """The surfaces of bodies as one numbering of vertices and triangles."""
 
     def __init__(self, bodies: Sequence[StartBody], table: ContactTable | None = None) -> None:
-        self.table = table or ContactTable()
+        """Raises SceneError for what are no bodies, or none with vertices."""
+        self.table = ContactTable() if table is None else table
+        if not isinstance(self.table, ContactTable):
+            raise SceneError(f"the table is a ContactTable (yasps.contact), got {table!r}")
+        if not isinstance(bodies, Sequence) or not all(hasattr(body, "rest") for body in bodies):
+            raise SceneError(f"bodies are a list of bodies (yasps.bodies), got {bodies!r}")
         self.bodies = [body for body in bodies if len(body.rest)]
+        if not self.bodies:
+            raise SceneError("there is no body with vertices to look at")
         planes = [getattr(body, "plane", None) for body in bodies]
         self.planes: list[Plane] = [plane for plane in planes if plane is not None]
         self.parts = [body.positions() for body in self.bodies]
@@ -129,7 +141,7 @@ class Surfaces:
             distance + 2 * float(self.radii.max(initial=0.0)),
             edges=self.edges,
             points=self.points,
-            fixed=np.repeat([body.is_fixed for body in self.bodies], counts),
+            fixed=np.repeat([body.stands_still for body in self.bodies], counts),
             group=np.repeat(groups, counts),
             objects={body.name: len(body.rest) for body in self.bodies},
         )
@@ -145,10 +157,10 @@ class Surfaces:
         return self.table.entry(first, second)[3]
 
     def in_planes(self, gap: float = 0.0) -> Iterator[tuple[int, Plane, Ids, Floats]]:
-        """Moving bodies with vertices nearer to a half-space than the gap, or in it: which vertices of the scene, [k],
-        and their gaps [k] [m], negative inside."""
+        """Bodies that may move, with vertices nearer to a half-space than the gap, or in it: which vertices of the
+        scene, [k], and their gaps [k] [m], negative inside."""
         for plane, (number, body) in product(self.planes, enumerate(self.bodies)):
-            if body.is_fixed or not self.meet(body.name, plane.name):
+            if body.stands_still or not self.meet(body.name, plane.name):
                 continue
             here = (self.starts[number] <= self.taking_part) & (self.taking_part < self.starts[number + 1])
             ids = self.taking_part[here]
@@ -203,8 +215,8 @@ class Surfaces:
         found = []
         for outer, inner in permutations(range(len(self.bodies)), 2):
             large, small = boxes[outer], boxes[inner]
-            both_fixed = self.bodies[outer].is_fixed and self.bodies[inner].is_fixed
-            if large is None or small is None or both_fixed or not self.is_solid(outer):
+            both_still = self.bodies[outer].stands_still and self.bodies[inner].stands_still
+            if large is None or small is None or both_still or not self.is_solid(outer):
                 continue
             if not self.meet(self.bodies[outer].name, self.bodies[inner].name):
                 continue
@@ -237,7 +249,7 @@ class Surfaces:
 
     def is_solid(self, body: int) -> bool:
         """Has it an inside?"""
-        return "tetra" in self.bodies[body].cells
+        return any(kind in self.bodies[body].cells for kind in SOLIDS)
 
     def _overlap(self, pair: tuple[int, int], edges: Ids, numbers: Ids) -> Overlap:
         first, second = pair

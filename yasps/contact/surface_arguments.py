@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-
 import numpy as np
 from numpy.typing import ArrayLike
 
@@ -128,24 +126,3 @@ def labels_of_filter(fixed: ArrayLike | None, group: ArrayLike | None, vertex_co
     _, packed = np.unique(np.where(still, -1, labels), return_inverse=True)
     packed[alone] = packed.max(initial=0) + 1 + np.arange(int(alone.sum()))
     return packed.astype(np.int32)
-
-
-def ranges_of_objects(objects: Mapping[str, int] | None, vertex_count: int) -> list[tuple[str, int, int]]:
-    """(name, first vertex, one past the last) of each object. Raises DataError for counts that don't add up."""
-    if objects is None:
-        return []
-    ends = np.cumsum(list(objects.values())).tolist()
-    if ends[-1:] != [vertex_count]:
-        raise DataError(
-            f"objects must list the vertex counts of all meshes in the order of the union, which sum to"
-            f" {vertex_count}; got {dict(objects)}"
-        )
-    return list(zip(objects, [0, *ends[:-1]], ends, strict=True))
-
-
-def objects_of_vertices(objects: list[tuple[str, int, int]], vertex_count: int) -> Ids:
-    """The number of the object that each vertex is in, int32 [n]; all in one where none are named."""
-    numbers = np.zeros(vertex_count, np.int32)
-    for number, (_, first, end) in enumerate(objects):
-        numbers[first:end] = number
-    return numbers

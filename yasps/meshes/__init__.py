@@ -1,5 +1,7 @@
 """Meshes: from files, of simple shapes, of closed surfaces."""
 
+from yasps.meshes.element_kinds import trilinear_shape, trilinear_slopes
+from yasps.meshes.element_mesh import ElementMesh, GaussPoints, hex_box, quadratic
 from yasps.meshes.isosurface_stuffing import CoarseLatticeError, stuff_isosurface, stuff_isosurface_with_vertex_count
 from yasps.meshes.mesh_file import read_tetrahedral_mesh, write_mesh
 from yasps.meshes.rabbit_shape import rabbit
@@ -10,14 +12,18 @@ from yasps.meshes.triangles import hinge_stiffness, hinges_of, triangle_areas, t
 
 __all__ = [
     "CoarseLatticeError",
+    "ElementMesh",
+    "GaussPoints",
     "MeshError",
     "TetrahedralMesh",
     "TriangleMesh",
     "box",
     "cloth_grid",
     "ground",
+    "hex_box",
     "hinge_stiffness",
     "hinges_of",
+    "quadratic",
     "rabbit",
     "read_tetrahedral_mesh",
     "sphere",
@@ -27,5 +33,7 @@ __all__ = [
     "tetrahedralize",
     "triangle_areas",
     "triangle_vertex_masses",
+    "trilinear_shape",
+    "trilinear_slopes",
     "write_mesh",
 ]

@@ -66,7 +66,10 @@ def tetrahedralize(surface: TriangleMesh, edge_length: float | None = None) -> T
 
 
 def tetrahedra_of(shape: TetrahedralMesh | TriangleMesh) -> TetrahedralMesh:
-    """The mesh itself, or the inside of a closed surface. Raises what `tetrahedralize` raises."""
+    """The mesh itself, or the inside of a closed surface. Raises MeshError for no mesh, and what `tetrahedralize`
+    raises."""
+    if not isinstance(shape, TetrahedralMesh | TriangleMesh):
+        raise MeshError(f"a body is made of a TetrahedralMesh or a closed TriangleMesh, got {shape!r}")
     return tetrahedralize(shape) if isinstance(shape, TriangleMesh) else shape
 
 

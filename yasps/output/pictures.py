@@ -22,6 +22,7 @@ import numpy.typing as npt
 
 from yasps import YaspsError
 from yasps.frontend.language.arrays import plain_array, real_numbers
+from yasps.output.sharp_edges import split_at_creases, vertex_normals
 from yasps.output.soft_shadow import soft_shadow
 
 Points = npt.NDArray[np.float64]
@@ -31,6 +32,8 @@ LIGHT_BLUE: Final = "#86c5f4"
 DARK_PINK: Final = "#c2185b"
 PALETTE: Final = (LIGHT_BLUE, DARK_PINK, "#f2b134", "#5c9e6b", "#8e6bbf", "#d9754a")
 """Colours of bodies, in turn."""
+OBSTACLE_GREY: Final = "#a9adb6"
+"""Colour of what stands still."""
 
 _BACKGROUND: Final = ("#e7eaef", "#fdfdfe")  # bottom, top
 _VIEW_ANGLE: Final = 30.0  # degrees, over the height of the picture
@@ -71,7 +74,7 @@ class Surface:
         vertices: [n, 3].
         triangles: vertex numbers from 0, [m, 3].
         color: a name ("lightskyblue") or "#rrggbb".
-        smooth: normals vary over a triangle; False shows the facets.
+        smooth: normals vary over triangles, but for edges sharper than 40 degrees; False shows the facets.
     """
 
     name: str
@@ -169,9 +172,9 @@ class FramePictures:
             raise PictureError(f"There is no surface '{name}'; there are {', '.join(self._vertices)}.")
         moved = _checked_vertices(name, vertices, len(self._vertices[name]))
         self._vertices[name] = moved
-        mesh = self._meshes[name]
-        mesh.points[:] = moved
-        mesh.point_data["Normals"][:] = vertex_normals(moved, self._triangles[name])
+        mesh, (source, triangles) = self._meshes[name], self._shown[name]
+        mesh.points[:] = moved[source]
+        mesh.point_data["Normals"][:] = vertex_normals(moved[source], triangles)
         mesh.Modified()
 
     def image(self) -> Image:
@@ -235,8 +238,11 @@ class FramePictures:
         plotter: Any = pyvista.Plotter(off_screen=True, window_size=list(window_size), lighting="none")
         plotter.set_background(_BACKGROUND[0], top=_BACKGROUND[1])
         self._meshes: dict[str, Any] = {}
+        self._shown: dict[str, tuple[npt.NDArray[np.int64], npt.NDArray[np.int64]]] = {}
         for surface in surfaces:
-            vertices, triangles = self._vertices[surface.name], self._triangles[surface.name]
+            source, triangles = split_at_creases(self._vertices[surface.name], self._triangles[surface.name])
+            self._shown[surface.name] = source, triangles
+            vertices = self._vertices[surface.name][source]
             mesh: Any = pyvista.PolyData.from_regular_faces(vertices, cast(Any, triangles))
             mesh.point_data["Normals"] = vertex_normals(vertices, triangles)
             mesh.point_data.active_normals_name = "Normals"
@@ -310,20 +316,6 @@ def camera_position(bounds: Points, view_direction: tuple[float, float, float], 
         (depth + abs(corners @ right) / (tan_y * aspect)).max(), (depth + abs(corners @ up) / tan_y).max(), 1e-6
     )
     return centre + distance * towards, centre
-
-
-def vertex_normals(vertices: Points, triangles: npt.NDArray[np.int64]) -> Points:
-    """Unit normals at the vertices, [n, 3]: the mean of the triangles' normals weighted by area; 0 without
-    any."""
-    a, b, c = (vertices[triangles[:, i]] for i in range(3))
-    twice_area = np.cross(b - a, c - a)
-    corners = triangles.T.ravel()
-    total = np.stack(
-        [np.bincount(corners, np.tile(twice_area[:, i], 3), minlength=len(vertices)) for i in range(3)], axis=1
-    )
-    length = np.linalg.norm(total, axis=1, keepdims=True)
-    normals: Points = np.divide(total, length, out=np.zeros_like(total), where=length > 0)
-    return normals
 
 
 def _checked_vertices(name: str, values: npt.ArrayLike, expected: int | None) -> Points:

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from yasps.output.animation import Animation
-from yasps.output.pictures import PALETTE, FramePictures, PicturesUnavailable, Surface
+from yasps.output.pictures import OBSTACLE_GREY, PALETTE, FramePictures, PicturesUnavailable, Surface
 from yasps.output.vtkhdf import VtkHdfSeries
 
 
@@ -44,12 +44,18 @@ class Running(Protocol):
         """In a fixed order."""
 
 
+def _is_level(body: Shown, height: float | None) -> bool:
+    """Whether all of it is at this height: what the ground in pictures stands for."""
+    return height is not None and bool((body.positions()[:, 2] == height).all())
+
+
 class FrameRecorder:
     """Records a simulation frame by frame into FOLDER/NAME.vtkhdf, NAME.mp4 and NAME.png.
 
     pictures: False for the series alone; where the machine can't draw, a line on stderr says so. ground_height: of the
-    ground in pictures; None for none. bounds: what the camera sees, [2, 3]; default: all that moves and the ground
-    below them at the start. frames_per_picture: how many frames one picture of the animation stands for.
+    ground in pictures, which stands for a level obstacle there; None for none. bounds: what the camera sees, [2, 3];
+    default: all that moves and the ground below them at the start. frames_per_picture: how many frames one picture of
+    the animation stands for.
     """
 
     def __init__(
@@ -79,16 +85,24 @@ class FrameRecorder:
         self._frames: FramePictures | None = None
         self._animation: Animation | None = None
         if pictures:
+            still = [body for body in simulation.bodies if body.stands_still and len(body.triangles)]
+            still = [body for body in still if not _is_level(body, ground_height)]
             try:
-                self._open_pictures(ground_height, bounds)
+                self._open_pictures(still, ground_height, bounds)
             except PicturesUnavailable as reason:
                 print(f"no pictures: {reason}", file=sys.stderr)
 
-    def _open_pictures(self, ground_height: float | None, bounds: ArrayLike | None) -> None:
+    def _open_pictures(self, still: Sequence[Shown], ground_height: float | None, bounds: ArrayLike | None) -> None:
         surfaces = [
             Surface(body.name, body.positions(), body.triangles, color)
             for body, color in zip(self._bodies, itertools.cycle(PALETTE), strict=False)
         ]
+        surfaces += [Surface(body.name, body.positions(), body.triangles, OBSTACLE_GREY) for body in still]
+        if bounds is None:
+            points = np.concatenate([body.positions() for body in self._bodies])
+            if ground_height is not None:
+                points = np.vstack([points, [*points[0, :2], ground_height]])
+            bounds = [points.min(axis=0), points.max(axis=0)]
         self._frames = FramePictures(surfaces, ground_height=ground_height, bounds=bounds, window_size=(960, 720))
         self._animation = Animation(self.folder / f"{self.name}.mp4")
 

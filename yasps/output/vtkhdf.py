@@ -33,6 +33,9 @@ CELL_KINDS: Final[Mapping[str, tuple[int, int]]] = {
     "line": (3, 2),
     "triangle": (5, 3),
     "tetra": (10, 4),
+    "hexahedron": (12, 8),
+    "triangle6": (22, 6),
+    "tetra10": (24, 10),
 }
 
 # Rows of a chunk at most: a chunk must stay under 4 GiB, and a frame is otherwise one chunk.
@@ -54,7 +57,7 @@ class VtkHdfSeries:
     Args:
         path: the file; its name must end in `.vtkhdf` (ParaView goes by it) and its folder must exist.
         number_of_points: n, the same in all frames.
-        cells: name of a cell kind (`"tetra"`, `"triangle"`, `"line"`, `"vertex"`) -> point numbers, shape
+        cells: name of a cell kind (`"tetra"`, `"triangle"` and others of `CELL_KINDS`) -> point numbers, shape
             [m, points of such a cell], counted from 0. The order of the kinds is the order of the cell data.
         static_point_data: name -> [n] or [n, c], the same in all frames.
         static_cell_data: name -> [m] or [m, c] over all cells, the same in all frames, say the number of the body.

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from yasps import Attribute, Mesh, Primitive, PrimitiveBase, materials
+from yasps import Attribute, Mesh, Primitive, PrimitiveBase, SceneError, materials
 
 
 class Anchors:
@@ -51,7 +51,9 @@ class Pins:
         self.primitive = anchors.primitive
 
     def move_to(self, places: ArrayLike) -> None:
-        """Other places [m], [n, 3], for the next step. Raises DataError."""
+        """Other places [m], [n, 3], for the next step. Raises DataError, SceneError for pins that were released."""
+        if self.primitive.num_instances == 0:
+            raise SceneError("these pins were released: pin the vertices again")
         self._anchors.move_to(places)
 
     def release(self) -> None:

@@ -26,7 +26,7 @@ from yasps.stepping.motion import Motion
 from yasps.stepping.settings import NewtonReport
 
 if TYPE_CHECKING:
-    from yasps.stepping.backward_euler import BackwardEuler
+    from yasps.stepping.time_stepper import TimeStepper
 
 STIFFER = 10.0
 """Factor of the stiffness after a round that left more than half of the way."""
@@ -40,7 +40,7 @@ STUCK = 0.9
 class Arrival:
     """One step of a stepper whose scene has driven vertices."""
 
-    def __init__(self, stepper: BackwardEuler, old_targets: list[FloatArray], until: float) -> None:
+    def __init__(self, stepper: TimeStepper, old_targets: list[FloatArray], until: float) -> None:
         """old_targets: values of all targets at the beginning, before anything moved."""
         self.stepper = stepper
         self.old_targets = old_targets

@@ -13,7 +13,7 @@ from typing import Any, Protocol, TypeAlias
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from yasps import Attribute, FloatArray, Primitive, ShapeMismatchError
+from yasps import Attribute, FloatArray, Primitive, SceneError, ShapeMismatchError
 from yasps.frontend.language.arrays import plain_array, real_numbers
 from yasps.stepping.anchors import Anchors
 
@@ -68,8 +68,16 @@ class Driven(ABC):
             return self.positions()
         what = f"the motion of {self.name}"
         if callable(motion):
-            return self.checked(motion(end), f"{what} at t = {end:.6g} s")
+            what = f"{what} at t = {end:.6g} s"
+            try:
+                asked = motion(end)
+            except Exception as error:
+                error.add_note(f"{what} raised this; nothing has moved in this step")
+                raise
+            return self.checked(asked, what)
         given = plain_array(motion, what)
+        if given.ndim == 3 and len(given) == 0:
+            raise ShapeMismatchError(f"{what} is a table of positions without a row")
         if given.ndim != 3:
             goal, share = self.checked(given, what), (end - start) / (until - start)
             return goal if share > 1 - AT_ONCE else self.positions() + share * (goal - self.positions())
@@ -130,6 +138,18 @@ class Driven(ABC):
     def load(self, state: tuple[Any, ...]) -> None:
         """Puts it back."""
         self.multiplier, self.velocity = state[0].copy(), state[1].copy()
+
+
+def checked_motion(motion: Prescribed | None, count: int, what: str) -> Prescribed | None:
+    """A copy of the motion of so many vertices, of whose rows the first is looked at; functions are looked at when they
+    are asked. Raises DataError, ShapeMismatchError."""
+    if motion is None or callable(motion):
+        return motion
+    values = real_numbers(motion, what)
+    shape = values.shape[1:] if values.ndim == 3 and len(values) else values.shape
+    if shape != (count, 3):
+        raise ShapeMismatchError(f"{what}: positions are {[count, 3]}, got {list(values.shape)}")
+    return values.copy()
 
 
 class Moved(Protocol):
@@ -235,15 +255,20 @@ class DrivenVertices(Driven):
         return self._motion
 
     def follow(self, motion: Prescribed | None) -> None:
-        """Another motion, from the next step on; None stays. Raises DataError, ShapeMismatchError."""
-        if motion is not None and not callable(motion):
-            motion = real_numbers(motion, f"the motion of {self.name}").copy()
-            self.checked(motion[0] if motion.ndim == 3 and len(motion) else motion, f"the motion of {self.name}")
-        self._motion = motion
+        """Another motion, from the next step on; None stays. Raises DataError, ShapeMismatchError, SceneError for pins
+        that were released."""
+        self._check_held()
+        self._motion = checked_motion(motion, len(self.vertices), f"the motion of {self.name}")
 
     def move_to(self, places: ArrayLike) -> None:
-        """Other places [m], [n, 3], for the end of the next step. Raises DataError, ShapeMismatchError."""
+        """Other places [m], [n, 3], for the end of the next step. Raises DataError, ShapeMismatchError, SceneError for
+        pins that were released."""
+        self._check_held()
         self._motion = self.checked(places, f"the places of {self.name}")
+
+    def _check_held(self) -> None:
+        if self.is_released:
+            raise SceneError(f"{self.name} was released: pin the vertices again")
 
     def release(self) -> None:
         """Lets go of them from the next step on; nothing is compiled again."""

@@ -57,3 +57,16 @@ class ForceMeasure:
                 found = max(found, (float(norms.max()), f"{target.path}, instance {int(norms.argmax())}"))
             start = end
         return found[1]
+
+
+def forces_by_term(scene: Scene) -> dict[str, dict[str, FloatArray]]:
+    """Path of an energy -> path of a target -> minus the energy's gradient there, [instances, 3] in N for a 3x1 target
+    in metres, else [instances, rows, columns]."""
+    compiled = scene.compile()
+    return {
+        path: {
+            target.path: -part.reshape(-1, *(target.shape if target.shape[1] > 1 else target.shape[:1]))
+            for target, part in zip(compiled.targets, compiled.split(gradient), strict=True)
+        }
+        for path, gradient in compiled.gradients().items()
+    }

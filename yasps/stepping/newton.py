@@ -1,6 +1,6 @@
 """Minimisation by projected Newton with an intersection-free line search (Li et al. 2020, algorithm 1).
 
-`minimize` finds a minimum of a scene's energy; `BackwardEuler` makes time steps of it. Both are short on purpose: copy
+`minimize` finds a minimum of a scene's energy; `TimeStepper` makes time steps of it. Both are short on purpose: copy
 and change them when your scene needs something else. The compiler knows nothing of them.
 """
 
@@ -15,6 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 from yasps import (
     Attribute,
     FloatArray,
+    NewtonSolution,
     NotConvergedError,
     NotFiniteError,
     Scene,
@@ -22,7 +23,7 @@ from yasps import (
     advice_on,
     solve_newton_system,
 )
-from yasps.contact import BarrierContact, Candidates
+from yasps.contact import BarrierContact, Candidates, crushed_gradient
 from yasps.frontend.language.arrays import positive_number
 from yasps.output import TimeTable
 from yasps.stepping.forces import Arms, ForceMeasure, checked_arms
@@ -39,6 +40,8 @@ differences of positions, squared (inertia) or over small distances (barriers), 
 STILL_DOWNHILL = 0.8
 """Share of the slope at the start that may be left, uphill, at the end of a step (1 - 2 delta of the approximate Wolfe
 conditions with delta = 0.1, Hager and Zhang 2005)."""
+OFF_BALANCE = 0.5
+"""Share of what crushed pairs push with that no other force takes up, above which they are opened first."""
 WORTHWHILE = 1.5
 """Step beyond the Newton step below which a look at the energy there costs more than it brings."""
 
@@ -62,10 +65,11 @@ def minimize(
     bool [instances].
 
     Each step is bounded by CCD and halved until the energy does not grow (but for rounding), or made longer where the
-    energy shows that it is too short. Stops when all tolerances of the settings hold: of velocity, when the Newton
-    direction moves no vertex by settings.velocity_tolerance * time_step; of force, when no more is left of the gradient
-    after the step. That last direction is still taken, in the same way, but where no step along it is found that is no
-    error if the forces hold already.
+    energy shows that it is too short. Pairs that are crushed on the way are opened first (`crushed_gradient`). Stops
+    when all tolerances of the settings hold: of velocity, when the Newton direction moves no vertex by
+    settings.velocity_tolerance * time_step; of force, when no more is left of the gradient after the step. That last
+    direction is still taken, in the same way, but where no step along it is found that is no error if the forces hold
+    already.
 
     Raises IntersectionError, before anything is changed, if positions were changed from outside since the last call
     and something is in the way (see `BarrierContact.check_way`). Raises NotConvergedError after
@@ -73,6 +77,8 @@ def minimize(
     values.
     """
     time_step = positive_number(time_step, "time_step", "s", SceneError)
+    if not isinstance(settings, NewtonSettings):
+        raise SceneError(f"settings are NewtonSettings, got {settings!r}")
     measured = [contact.position] if contact is not None else list(positions)
     with scene.lock:
         unknowns = scene.compile().unknowns_of(fixed) if fixed else None
@@ -137,7 +143,7 @@ class _Minimization:
                 raise NotConvergedError(
                     f"the energy is {report.energy} at the start of Newton iteration {report.iterations + 1}"
                 )
-            directions, slope = self.direction()
+            here, (directions, slope) = self.direction(here)
             motion = Motion(self.scene)
             motion.move(directions, 1.0)
             there = self.positions()
@@ -191,8 +197,19 @@ class _Minimization:
         least, reach = self.contact.active.minimum_distance, self.contact.geometry.activation_distance
         return f" The smallest distance in contact is {least:.3g} m, the activation distance {reach:.3g} m."
 
-    def direction(self) -> tuple[list[FloatArray], float]:
-        """x of H x = g for every target, and how fast the energy falls along -x at first, g . x."""
+    def direction(self, here: FloatArray) -> tuple[FloatArray, tuple[list[FloatArray], float]]:
+        """x of H x = g for every target, and how fast the energy falls along -x at first, g . x; and before these where
+        the vertices are, since crushed pairs are opened first."""
+        while True:
+            crushed = None if self.contact is None else crushed_gradient(self.contact)
+            solution = self.solve()
+            opened = None if crushed is None else self.open(solution, crushed, here)
+            if opened is None:
+                return here, (self.scene.compile().split(solution.x), solution.slope)
+            here = opened
+
+    def solve(self) -> NewtonSolution:
+        """Newton's direction where the targets are now."""
         compiled, settings = self.scene.compile(), self.settings
         solution = solve_newton_system(compiled, settings.linear, stages=self.times, fixed=self.fixed)
         solved = solution.report
@@ -206,7 +223,30 @@ class _Minimization:
                 + advice_on(solved, compiled, "linear_")
                 + self._least_distance()
             )
-        return compiled.split(solution.x), solution.slope
+        return solution
+
+    def open(self, solution: NewtonSolution, crushed: FloatArray, here: FloatArray) -> FloatArray | None:
+        """Opens crushed pairs, along H^-1 of their gradient; where the vertices are then. None, and nothing moves, if
+        other forces hold them where they are, or if no iterations are left."""
+        assert self.contact is not None
+        if self.report.iterations >= self.settings.max_iterations:
+            return None
+        if self.fixed is not None:
+            crushed[self.fixed] = 0.0
+        compiled = self.scene.compile()
+        with self.times.stage("linear solver"):
+            x, solved = compiled.solve_linear(crushed, self.settings.linear)
+        self.report.cg_iterations += solved.iterations
+        if not solved.converged or not (x * solution.gradient).sum() > OFF_BALANCE * (x * crushed).sum() > 0:
+            return None
+        directions, motion = compiled.split(x), Motion(self.scene)
+        motion.move(directions, 1.0)
+        found = _LineSearch(self, motion, directions, here, self.positions()).expand()
+        if found is None:
+            return None
+        here, self.report.energy = found
+        self.contact.accept(here)
+        return here
 
 
 @dataclass
@@ -249,6 +289,28 @@ class _LineSearch:
             f"{start:.6g} J (the direction moves a vertex at {report.largest_velocity:.3g} m/s); a smaller "
             f"linear_tolerance or a larger tolerance may help. {self.newton.forces_left()}"
         )
+
+    def expand(self) -> tuple[FloatArray, float] | None:
+        """Takes that one of the free steps 1, 2, 4, ... after which the energy is lowest. Returns positions and energy
+        after it; None, and nothing moves, if the first does not lower it."""
+        lowest, length, longest = self.newton.report.energy, 0.0, 1.0
+        while True:
+            step = self.free_step(longest)
+            energy = self.energy_after(step)
+            if not energy < lowest:
+                break
+            lowest, length = energy, step
+            if step < longest:
+                break
+            longest *= 2
+        if length == 0.0:
+            self.motion.write(self.motion.start)
+            self.newton.find_contacts(self.before)
+            return None
+        self.free_step(length)  # known to be free; for the candidates
+        self.energy_after(length)
+        self.newton.report.step_lengths.append(length)
+        return self.now, lowest
 
     def is_below_rounding(self, fall: float) -> bool:
         """Whether the energy can't tell. Where nobody asks for forces that does not matter."""

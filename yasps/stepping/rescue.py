@@ -6,21 +6,22 @@ import logging
 from collections.abc import Callable
 from dataclasses import replace
 
-from yasps import NotConvergedError, NotFiniteError, YaspsError
-from yasps.stepping.backward_euler import BackwardEuler
+from yasps import NotConvergedError, NotFiniteError
 from yasps.stepping.settings import NewtonReport
+from yasps.stepping.time_stepper import TimeStepper
 
 LOGGER = logging.getLogger("yasps")
 
 
 def step_or_halves(
-    stepper: BackwardEuler, set_time_step: Callable[[float], None], levels: int, until: float | None = None
+    stepper: TimeStepper, set_time_step: Callable[[float], None], levels: int, until: float | None = None
 ) -> NewtonReport:
     """One time step of the stepper, or, where it fails with NotConvergedError or NotFiniteError, two of half the size,
     and so on: up to 2^levels. The report says how many it took.
 
-    set_time_step: gives scene and stepper another step [s]; nothing compiles for it. until: see `BackwardEuler.step`.
-    Raises what `BackwardEuler.step` raises, with everything as it was before the step.
+    set_time_step: gives scene and stepper another step [s]; nothing compiles for it. until: see `TimeStepper.step`.
+    Raises what `TimeStepper.step` raises, and what motions of the user's own raise, with everything as it was before
+    the step.
     """
     before, seconds = stepper.save(), stepper.time_step
     until = stepper.time + seconds if until is None else until
@@ -36,7 +37,7 @@ def step_or_halves(
             0.5 * seconds,
             error,
         )
-    except YaspsError:
+    except BaseException:
         stepper.load(before)
         raise
     try:
@@ -44,7 +45,7 @@ def step_or_halves(
         first = step_or_halves(stepper, set_time_step, levels - 1, until)
         second = step_or_halves(stepper, set_time_step, levels - 1, until)
         return replace(first.followed_by(second), substeps=first.substeps + second.substeps)
-    except YaspsError:
+    except BaseException:
         stepper.load(before)
         raise
     finally:

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from yasps import DataError, SolveOptions, solve_options
+from yasps.frontend.language.arrays import checked_count, positive_number
 
 
 @dataclass(frozen=True)
@@ -33,13 +34,17 @@ class NewtonSettings:
     relative_force_tolerance: float | None = None
 
     def __post_init__(self) -> None:
-        """Raises DataError for tolerances that can't be, for none at all, and for options of the linear solver that
-        can't be."""
+        """Raises DataError for numbers and options of the linear solver that can't be, and for no tolerance at all."""
         _ = self.linear
-        for name in ("velocity_tolerance", "force_tolerance", "relative_force_tolerance"):
-            given = getattr(self, name)
-            if given is not None and not given > 0:
-                raise DataError(f"{name} must be a positive number, or None if it is not asked for, got {given!r}")
+        checked_count(self.max_iterations, "max_iterations", 1)
+        units = {"velocity_tolerance": "m/s", "force_tolerance": "N", "relative_force_tolerance": ""}
+        for name, unit in units.items():
+            if getattr(self, name) is not None:
+                positive_number(getattr(self, name), f"{name} (None if it is not asked for)", unit)
+        if not positive_number(self.shortest_step, "shortest_step", "") <= 1:
+            raise DataError(f"shortest_step is a share of the Newton step, got {self.shortest_step}")
+        if not positive_number(self.longest_step, "longest_step", "") >= 1:
+            raise DataError(f"longest_step is 1 or more Newton steps, got {self.longest_step}")
         if self.velocity_tolerance is None and not self.asks_for_forces:
             raise DataError("Newton's method needs a tolerance: velocity_tolerance, force_tolerance or both")
 

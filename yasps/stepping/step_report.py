@@ -8,8 +8,8 @@ import numpy as np
 
 from yasps import FloatArray, Scene
 from yasps.contact import ContactForces
-from yasps.stepping.backward_euler import BackwardEuler
 from yasps.stepping.settings import NewtonReport
+from yasps.stepping.time_stepper import TimeStepper
 
 ELASTIC = ("elastic", "membrane", "bending", "orthogonality")
 """Names of the energies that bodies of `yasps.bodies` have of their material."""
@@ -88,9 +88,27 @@ class StepReport:
         return "\n".join(lines)
 
 
+def energies_by_kind(scene: Scene, stepper: TimeStepper) -> dict[str, float]:
+    """Energies now [J]: "kinetic", "elastic", "gravity", "contact", "friction", "other", as `StepReport` has them.
+    Gravity and what is elastic are known by the names that bodies and simulations give them."""
+    friction = [] if stepper.contact is None or stepper.contact.friction is None else stepper.contact.friction.energies
+    contact = [] if stepper.contact is None else stepper.contact.energies
+    kinds = dict.fromkeys((energy.path for energy in contact), "contact")
+    kinds |= dict.fromkeys((energy.path for energy in friction), "friction")
+    inertia = {part.predicted.path.rpartition(".")[0] + ".inertia" for part in stepper.parts}  # no energy of the motion
+    energies = dict.fromkeys(("kinetic", "elastic", "gravity", "contact", "friction", "other"), 0.0)
+    energies["kinetic"] = stepper.kinetic_energy()
+    for path, values in scene.energy_values().items():
+        if path not in inertia:
+            name = path.rpartition(".")[2]
+            by_name = "elastic" if name in ELASTIC else "gravity" if name == "gravity" else "other"
+            energies[kinds.get(path, by_name)] += float(values.sum())
+    return energies
+
+
 def step_report(
     scene: Scene,
-    stepper: BackwardEuler,
+    stepper: TimeStepper,
     *,
     frame: int,
     newton: NewtonReport | None,
@@ -98,14 +116,7 @@ def step_report(
     reach: float,
 ) -> StepReport:
     """Looks at a scene of `yasps.simulation` as it is now; reach: the activation distance [m]."""
-    energies = dict.fromkeys(("kinetic", "elastic", "gravity", "contact", "friction", "other"), 0.0)
-    energies["kinetic"] = stepper.kinetic_energy()
-    for path, values in scene.energy_values().items():
-        name = path.rpartition(".")[2]
-        kind = {"barrier": "contact", "potential": "friction", "gravity": "gravity"}.get(name, "other")
-        kind = "elastic" if name in ELASTIC else kind
-        if name != "inertia":  # of backward Euler, no energy of the motion
-            energies[kind] += float(values.sum())
+    energies = energies_by_kind(scene, stepper)
     return StepReport(stepper.time, frame, newton, energies, stepper.momentum(), reach, forces)
 
 

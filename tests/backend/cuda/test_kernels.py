@@ -38,8 +38,9 @@ LARGEST_STACK = 4096
 """Bytes of a thread; with an expanded local Hessian the caged contact kernel would take 43 KB (paper, 10.6)."""
 MOST_REGISTERS = {2: 255, 3: 168, 4: 128}
 """That so many blocks of 128 threads leave to each, of 65,536; a thread has 255 at most."""
-LARGEST_SPILL = 256
-"""Bytes stored and loaded by a kernel itself, not by what it calls."""
+LARGEST_SPILL = 320
+"""Bytes stored and loaded by a kernel itself, not by what it calls: those of mollified point-edge contact, with the
+threshold of its rest positions and the stiffness of its law, on sm_90."""
 LARGEST_ARRAY = 2048
 """Bytes on the stack; of 96 unknowns, a packed triangle has 37 KB."""
 

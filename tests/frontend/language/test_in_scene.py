@@ -14,7 +14,7 @@ import pytest
 from yasps import Scene, SceneError
 from yasps.contact import BarrierContact, CollisionGeometry
 from yasps.frontend.commands import yasps_opt
-from yasps.stepping import BackwardEuler, MovingPart
+from yasps.stepping import MovingPart, TimeStepper
 
 COPIES: list[Callable[[Any], object]] = [copy.copy, copy.deepcopy, pickle.dumps]
 
@@ -123,7 +123,7 @@ def test_what_owns_memory_of_the_runtime_is_not_copied(make_copy: Callable[[Any]
     part = MovingPart(x, vertices.add_constant("p", 3, 1), vertices.add_constant("mass", 1, 1))
     for thing in (
         BarrierContact(mesh, vertices, faces, activation_distance=0.01, barrier="paper", stiffness=1.0),
-        BackwardEuler(scene, [part], 0.01),
+        TimeStepper(scene, [part], 0.01),
     ):
         with pytest.raises(SceneError, match=type(thing).__name__):
             make_copy(thing)

@@ -60,6 +60,7 @@ VALUES: dict[str, tuple[Callable[[Any], Any], Any]] = {
     "np.linalg.norm": (lambda a: np.linalg.norm(a.m), np.linalg.norm(M)),
     "np.linalg.det": (lambda a: np.linalg.det(a.n), np.linalg.det(N)),
     "np.linalg.inv": (lambda a: np.linalg.inv(a.n), np.linalg.inv(N)),
+    "np.linalg.eigvalsh": (lambda a: np.linalg.eigvalsh(a.n.T @ a.n), np.linalg.eigvalsh(N.T @ N)[:, None]),
     "np.cross": (lambda a: np.cross(a.v, a.w), np.cross(V.T, W.T).T),
     "np.dot of vectors": (lambda a: np.dot(a.v, a.r), V[:, 0] @ R[0]),
     "np.dot of matrices": (lambda a: np.dot(a.n, a.m), N @ M),

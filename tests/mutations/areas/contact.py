@@ -35,6 +35,13 @@ CODE, PAIRS, NEAR, MAX, ENTRY, THICK = (
 
 MUTATIONS = (
     Mutation(
+        "ways through half-spaces are free",
+        CODE,
+        "            self.check_free_way(self._accepted, where)",
+        "            self.geometry.check_way(self._accepted, where)",
+        ("tests/simulation/test_bad_input.py::test_what_is_put_through_a_half_space_is_noticed",),
+    ),
+    Mutation(
         "the barrier has one gap too few",
         BARRIER,
         "return scale * gap * gap * ratio * ratio",
@@ -43,7 +50,7 @@ MUTATIONS = (
     ),
     Mutation(
         "the reach is not squared",
-        CODE,
+        "yasps/contact/contact_parts.py",
         "value=distance**2)",
         "value=distance)",
         IPCTK,
@@ -395,14 +402,14 @@ MUTATIONS = (
     ),
     Mutation(
         "friction counts as settled after one pass",
-        "yasps/stepping/backward_euler.py",
+        "yasps/stepping/time_stepper.py",
         "again.iterations == 1:",
         "again.iterations >= 1:",
         (f"{STEPS}::test_a_cube_slides_to_rest", f"{STEPS}::test_friction_that_does_not_settle_is_said"),
     ),
     Mutation(
         "forces of the old lag say that friction has settled",
-        "yasps/stepping/backward_euler.py",
+        "yasps/stepping/time_stepper.py",
         "return left <= min(",
         "return True or left <= min(",
         (f"{STEPS}::test_forces_say_when_friction_has_settled",),

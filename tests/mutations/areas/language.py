@@ -5,6 +5,7 @@ from __future__ import annotations
 from mutation import Mutation
 
 EXPRESSIONS = ("tests/properties/test_expressions.py",)
+SPECTRAL = ("tests/dialects/test_spectral.py",)
 FUNCTIONS = ("tests/frontend/language/test_functions.py",)
 
 MUTATIONS = (
@@ -117,5 +118,54 @@ MUTATIONS = (
         "return s.dot(columns[a], applied[b])",
         "return s.dot(columns[a], applied[a])",
         ("tests/properties/test_scenes.py::test_passes",),
+    ),
+    Mutation(
+        "Jacobi's method: one sweep too few",
+        "dialects/mat/spectral.py",
+        "SWEEPS = {2: 1, 3: 5}",
+        "SWEEPS = {2: 1, 3: 4}",
+        SPECTRAL,
+    ),
+    Mutation(
+        "Jacobi's method: the larger eigenvalue first",
+        "dialects/mat/spectral.py",
+        "s.sub(m[q, q], m[p, p]), s.neg(s.mul(s.constant(2.0), m[p, q]))",
+        "s.sub(m[p, p], m[q, q]), s.mul(s.constant(2.0), m[p, q])",
+        SPECTRAL,
+    ),
+    Mutation(
+        "polar: an axis of its tangent turns the other way",
+        "dialects/mat/spectral.py",
+        "for i, j in ((2, 1), (0, 2), (1, 0))]",
+        "for i, j in ((2, 1), (2, 0), (1, 0))]",
+        SPECTRAL,
+    ),
+    Mutation(
+        "divided differences: the mean twice",
+        "passes/calculus/divided_differences.py",
+        "b.number(float(0.5 * weight))",
+        "b.number(float(weight))",
+        SPECTRAL,
+    ),
+    Mutation(
+        "divided differences: no quotient",
+        "passes/calculus/divided_differences.py",
+        "return b.select(is_explained, b.select(is_apart, mean, b.select(is_even, mean, quotient)), quotient)",
+        "return mean",
+        SPECTRAL,
+    ),
+    Mutation(
+        "divided differences: no mean",
+        "passes/calculus/divided_differences.py",
+        "return b.select(is_explained, b.select(is_apart, mean, b.select(is_even, mean, quotient)), quotient)",
+        "return quotient",
+        SPECTRAL,
+    ),
+    Mutation(
+        "a single one of two equal eigenvalues has a gradient",
+        "dialects/mat/spectral.py",
+        "factors = [s.add(slope, infinite) for slope in inputs[1]]",
+        "factors = list(inputs[1])",
+        SPECTRAL,
     ),
 )

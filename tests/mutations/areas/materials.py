@@ -7,12 +7,15 @@ from mutation import Mutation
 MODULI = "tests/materials/test_elastic_moduli.py"
 BAR = (f"{MODULI}::test_a_stretched_bar_has_youngs_modulus_and_poissons_ratio",)
 TETRAHEDRON = (f"{MODULI}::test_a_tetrahedron_that_is_not_regular",)
+PARTS = ("tests/materials/test_parts.py",)
+THIN = ("tests/materials/test_thin_bodies.py",)
 CLOTH = ("tests/materials/test_materials.py",)
 FALL = ("tests/stepping/test_velocities.py",)
 AFFINE = "yasps/materials/affine.py"
 BENDING = "yasps/materials/bending.py"
 CLOTH_CODE = "yasps/materials/cloth.py"
 ELASTICITY = "yasps/materials/elasticity.py"
+RODS = "yasps/materials/rods.py"
 FORCES = "yasps/materials/forces.py"
 
 MUTATIONS = (
@@ -61,8 +64,10 @@ MUTATIONS = (
     Mutation(
         "stable Neo-Hookean: energy without volume",
         ELASTICITY,
-        "return as_attribute(volume) * density",
-        "return density",
+        """0.5 * lam * dilation * dilation
+    return as_attribute(volume) * density""",
+        """0.5 * lam * dilation * dilation
+    return density""",
         BAR,
     ),
     Mutation(
@@ -169,5 +174,75 @@ MUTATIONS = (
         "0.25 * density * self.volumes()",
         "1 / 3 * density * self.volumes()",
         ("tests/meshes/test_tetrahedral_mesh.py::test_volumes_and_masses",),
+    ),
+    Mutation(
+        "Mooney-Rivlin: I_1 with the wrong power of J",
+        ELASTICITY,
+        "volume_ratio ** (-2 / 3)",
+        "volume_ratio ** (-1 / 3)",
+        PARTS,
+    ),
+    Mutation(
+        "fibres that resist shortening too",
+        ELASTICITY,
+        "select(stretch > 0, stored, 0)",
+        "stored",
+        PARTS,
+    ),
+    Mutation(
+        "plane stress: lambda of the solid",
+        "yasps/materials/membranes.py",
+        "lam * mu / (lam + 2 * mu) * trace * trace",
+        "0.5 * lam * trace * trace",
+        PARTS,
+    ),
+    Mutation(
+        "strain-rate damping without its half",
+        "yasps/materials/damping.py",
+        "0.5 * as_attribute(viscosity)",
+        "as_attribute(viscosity)",
+        PARTS,
+    ),
+    Mutation(
+        "pressure that pulls",
+        "yasps/materials/pressure.py",
+        "return -as_attribute(pressure)",
+        "return as_attribute(pressure)",
+        THIN,
+    ),
+    Mutation(
+        "quadratic bending with the weights of the paper",
+        BENDING,
+        "size = np.sqrt(2 / ",
+        "size = np.sqrt(6 / ",
+        THIN,
+    ),
+    Mutation(
+        "angles of hinges: the other way",
+        BENDING,
+        "np.cross(second, first), edge)",
+        "np.cross(first, second), edge)",
+        THIN,
+    ),
+    Mutation(
+        "rods: the reference frames' own twist is left out",
+        RODS,
+        "angles[1] - angles[0] + turned + change",
+        "angles[1] - angles[0] + change",
+        THIN,
+    ),
+    Mutation(
+        "rods: parallel transport without its denominator",
+        RODS,
+        "end.dot(vector) / (1 + start.dot(end)) * (start + end)",
+        "end.dot(vector) * (start + end)",
+        PARTS,
+    ),
+    Mutation(
+        "rods: twists of whole turns are forgotten",
+        RODS,
+        "twists + 2 * np.pi * np.round((before - twists) / (2 * np.pi))",
+        "twists",
+        THIN,
     ),
 )

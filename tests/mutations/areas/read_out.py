@@ -14,9 +14,24 @@ START = "tests/contact/test_start_state.py"
 SMALL = (f"{START}::test_small_overlaps_are_measured_and_taken_away",)
 INSIDE = (f"{START}::test_a_body_wholly_inside_another_is_noticed",)
 LARGE = (f"{START}::test_too_large_an_overlap_leaves_everything_as_it_was",)
-THICK = (f"{START}::test_bodies_thicker_than_their_distance_are_parted",)
+CRUSHED = "yasps/contact/crushed_pairs.py"
+SMALLEST = ("tests/contact/test_contact_forces.py::test_the_gradient_of_the_smallest_gaps",)
 
 MUTATIONS = (
+    Mutation(
+        "pairs that rub have all of their radii",
+        FORCES,
+        'offset = offset * pairs.primitive["share"].value',
+        "offset = offset * 1.0",
+        ("tests/contact/test_contact_forces.py::test_pairs_rub_at_the_gap_at_which_they_push",),
+    ),
+    Mutation(
+        "moving obstacles may be sunk in what stands still",
+        STATE,
+        "fixed=np.repeat([body.stands_still for body in self.bodies], counts),",
+        "fixed=np.repeat([body.is_fixed for body in self.bodies], counts),",
+        (f"{START}::test_a_moving_obstacle_has_to_be_apart_from_all_that_stands_still",),
+    ),
     Mutation(
         "closest points turn with nothing",
         PAIRS,
@@ -78,7 +93,7 @@ MUTATIONS = (
         PARTINGS,
         "(np.abs(weights) * self.surfaces.radii[vertices]).sum(axis=1)",
         "0 * weights.sum(axis=1)",
-        THICK,
+        (f"{START}::test_a_thick_sheet_is_bent_between_what_can_not_move",),
     ),
     Mutation(
         "the gap aimed at is too small",
@@ -93,5 +108,26 @@ MUTATIONS = (
         "if way > largest_share * size:",
         "if way > 1e9 * size:",
         LARGE,
+    ),
+    Mutation(
+        "crushed pairs are all pairs",
+        CRUSHED,
+        "some <= ALIKE * least",
+        "some <= np.inf",
+        SMALLEST,
+    ),
+    Mutation(
+        "the scene keeps the crushed pairs alone",
+        CRUSHED,
+        "    finally:\n        contact.show_only({})",
+        "    finally:\n        least = 0.0",
+        SMALLEST,
+    ),
+    Mutation(
+        "gaps are distances",
+        CRUSHED,
+        "found[name] -= points.offsets(name, radii)[0]",
+        "found[name] -= 0.0 * points.offsets(name, radii)[0]",
+        SMALLEST,
     ),
 )

@@ -12,9 +12,16 @@ FORCES = "tests/stepping/test_forces.py"
 FIXED = ("tests/frontend/execution/test_fixed_unknowns.py::test_the_solution_is_that_of_the_reduced_system",)
 DRIVEN = "tests/simulation/test_driven.py"
 RESCUE = "tests/simulation/test_rescue.py"
+BAD_INPUT = "tests/simulation/test_bad_input.py"
+SIMULATION = "tests/simulation/test_simulation.py"
+CRUSHED = ("tests/stepping/test_crushed_pairs.py::test_crushed_pairs_are_opened",)
 CODE = "yasps/stepping/newton.py"
+INTEGRATORS = "yasps/stepping/integrators.py"
+BDF = "tests/stepping/test_integrators.py"
+ORDERS = (f"{BDF}::test_orders",)
+STATIC = "tests/stepping/test_quasi_static.py"
 MOTION = "yasps/stepping/motion.py"
-EULER = "yasps/stepping/backward_euler.py"
+EULER = "yasps/stepping/time_stepper.py"
 
 MUTATIONS = (
     Mutation(
@@ -76,21 +83,21 @@ MUTATIONS = (
     Mutation(
         "velocities are displacements",
         EULER,
-        "self.velocities[k] = (positions_of([part.position]) - x) / dt",
+        "self.velocities[k] = (positions_of([part.position]) - x) / effective",
         "self.velocities[k] = positions_of([part.position]) - x",
         FALL,
     ),
     Mutation(
         "velocities are those of the first part",
         EULER,
-        "self.velocities[k] = (positions_of([part.position]) - x) / dt",
-        "self.velocities[k] = (positions_of([self.parts[0].position])[: len(x)] - x) / dt",
+        "self.velocities[k] = (positions_of([part.position]) - x) / effective",
+        "self.velocities[k] = (positions_of([self.parts[0].position])[: len(x)] - x) / effective",
         FALL,
     ),
     Mutation(
         "inertia is predicted without velocity",
         EULER,
-        "part.predicted.update_value(x + dt * v)",
+        "part.predicted.update_value(x + effective * v)",
         "part.predicted.update_value(x)",
         FALL,
     ),
@@ -195,9 +202,51 @@ MUTATIONS = (
     Mutation(
         "the first half of a failed step stays",
         "yasps/stepping/rescue.py",
-        "    except YaspsError:\n        stepper.load(before)\n        raise\n    finally:",
+        "    except BaseException:\n        stepper.load(before)\n        raise\n    finally:",
         "    finally:",
         (f"{RESCUE}::test_a_second_half_that_fails_takes_the_first_back",),
+    ),
+    Mutation(
+        "a motion that raises leaves the first half of its step",
+        "yasps/stepping/rescue.py",
+        "    except BaseException:\n        stepper.load(before)\n        raise\n    finally:",
+        "    except ValueError:\n        stepper.load(before)\n        raise\n    finally:",
+        (f"{BAD_INPUT}::test_a_motion_that_fails_moves_nothing",),
+    ),
+    Mutation(
+        "another time step is one of the scene alone",
+        "yasps/simulation/simulation.py",
+        "if seconds != self.stepper.time_step:",
+        "if False:",
+        (f"{SIMULATION}::test_the_time_step_and_gravity_may_change_between_steps",),
+    ),
+    Mutation(
+        "forces are read with the time step of the next step",
+        "yasps/simulation/simulation.py",
+        "effective_step=self.effective_step,\n            )",
+        "effective_step=self.time_step,\n            )",
+        (f"{RESCUE}::test_forces_that_are_read_are_those_of_the_last_part",),
+    ),
+    Mutation(
+        "first guesses fall as at the beginning",
+        "yasps/simulation/simulation.py",
+        "target: self.gravity for body",
+        "target: self.gravity.value for body",
+        (f"{SIMULATION}::test_the_time_step_and_gravity_may_change_between_steps",),
+    ),
+    Mutation(
+        "targets of one's own have no velocity",
+        EULER,
+        "        dt = self.time_step\n        self._follow_targets()",
+        "        dt = self.time_step",
+        (f"{SIMULATION}::test_targets_of_ones_own_come_and_go_between_steps",),
+    ),
+    Mutation(
+        "with friction Newton's method stops by speed alone",
+        "yasps/simulation/contact_of_bodies.py",
+        "max_iterations=500, relative_force_tolerance=FRICTION_BALANCE)",
+        "max_iterations=500)",
+        ("tests/simulation/test_friction_steps.py::test_forces_balance_in_every_step",),
     ),
     Mutation(
         "the time step stays halved",
@@ -233,5 +282,82 @@ MUTATIONS = (
         "            gradient[fixed] = 0.0\n",
         "",
         FIXED,
+    ),
+    Mutation(
+        "crushed pairs are left to Newton's method",
+        CODE,
+        "opened = None if crushed is None else self.open(solution, crushed, here)",
+        "opened = None",
+        CRUSHED,
+    ),
+    Mutation(
+        "the first step that opens crushed pairs is the last",
+        CODE,
+        "            longest *= 2\n",
+        "            break\n",
+        CRUSHED,
+    ),
+    Mutation(
+        "BDF2 weighs the step before as if it were to come",
+        INTEGRATORS,
+        "(4 / 3, -1 / 3), 2 / 3)",
+        "(2 / 3, 1 / 3), 2 / 3)",
+        ORDERS,
+    ),
+    Mutation(
+        "BDF2 takes the whole time step for the effective one",
+        INTEGRATORS,
+        "(4 / 3, -1 / 3), 2 / 3)",
+        "(4 / 3, -1 / 3), 1.0)",
+        ORDERS,
+    ),
+    Mutation(
+        "BDF2 goes on after a change",
+        EULER,
+        " or not known or not here.continues(past.end):",
+        " or not known:",
+        (f"{BDF}::test_the_first_step_and_those_after_a_change_are_of_backward_euler",),
+    ),
+    Mutation(
+        "BDF2 goes on with another time step",
+        EULER,
+        "past is not None and past.time_step == dt and len",
+        "past is not None and len",
+        (f"{BDF}::test_a_step_that_failed_leaves_what_bdf2_remembers",),
+    ),
+    Mutation(
+        "a failed step is what BDF2 remembers",
+        EULER,
+        "self.past, self.time = state.past, state.time",
+        "self.time = state.time",
+        (f"{BDF}::test_a_second_half_that_fails_takes_back_what_the_first_is_remembered_by",),
+    ),
+    Mutation(
+        "slips of BDF2 count from the beginning of the step",
+        EULER,
+        "            self.contact.count_slips_from(origin.surface)\n",
+        "            pass\n",
+        ("tests/scenes/test_sliding.py::test_bdf2_slides_by_its_own_recurrence_and_creeps_at_the_same_speed",),
+    ),
+    Mutation(
+        "rates count from the beginning of the step",
+        EULER,
+        "zip(self.carried, origin.carried, strict=True)",
+        "zip(self.carried, here.carried, strict=True)",
+        ("tests/scenes/test_damped_bar.py::test_what_is_carried_is_where_the_rate_counts_from",),
+    ),
+    Mutation(
+        "a load step that failed leaves the load",
+        "yasps/stepping/quasi_static.py",
+        "                set_load(load)\n                motion.write(motion.start)",
+        "                motion.write(motion.start)",
+        (f"{STATIC}::test_a_load_that_nothing_bears_is_named_and_the_last_equilibrium_kept",),
+    ),
+    Mutation(
+        "a load step that failed is not made smaller",
+        "yasps/stepping/quasi_static.py",
+        "step = max(0.5 * step, smallest)",
+        "step = max(0.99 * step, smallest)",
+        (f"{STATIC}::test_a_step_that_is_too_large_is_halved",),
     ),
 )

@@ -13,7 +13,7 @@ from xdsl.dialects.builtin import ModuleOp, StringAttr
 from xdsl.ir import Block
 from xdsl.utils.exceptions import VerifyException
 
-from yasps import Attribute, Scene, concat_rows, identity, materials, select
+from yasps import Attribute, Scene, concat_rows, eigenvalues, identity, materials, polar, select
 from yasps.backend.reference.interpreter import Interpreter, SceneData
 from yasps.dialects.mat import ShapeError, matrix_type
 from yasps.dialects.mat.calculus import ProjectPsdOp
@@ -75,6 +75,8 @@ PROVEN: dict[str, Energy] = {
     "inverse of a sum": lambda f: ((identity(3) + f.T * f).inverse() * f.T).norm() ** 3,
     "a choice": with_choice,
     "a frozen entry": beside_a_frozen_entry,
+    "the nearest rotation": lambda f: materials.fixed_corotated(f, 2.0, 3.0, 0.7),
+    "principal stretches": lambda f: eigenvalues(f.T * f).norm() ** 3 + eigenvalues(f * f.T)[0] ** 2,
     "a constant matrix by itself": lambda f: (f.det() * TILTED).dot(FIBRE * FIBRE.T) ** 2 + f.norm() ** 3,
 }
 UNPROVEN: dict[str, Energy] = {
@@ -94,6 +96,8 @@ UNPROVEN: dict[str, Energy] = {
     "a constant matrix": lambda f: (f.T * f).dot(TILTED) * f.det(),
     "an unequal diagonal": lambda f: (f.T * f + np.diag([1.0, 1.0, 2.0])).det(),
     "F and its transpose": lambda f: (f + f.T).norm() ** 3 * f.det(),
+    "eigenvalues of F itself": lambda f: eigenvalues(f).norm() ** 3,
+    "an entry of the rotation": lambda f: stable(f) + polar(f)[0, 1] ** 2,
     "a choice, its first side": lambda f: select(f.det() < 1.0, stable(f) + f[0, 0] ** 4, stable(f)),
     "a choice, its second side": lambda f: select(f.det() < 1.0, stable(f), stable(f) + f[0, 0] ** 4),
 }

@@ -1,16 +1,16 @@
-"""Time steps of backward Euler, each by `minimize`."""
+"""Time steps, each by `minimize`: backward Euler, or BDF2."""
 
 from __future__ import annotations
 
 import logging
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from yasps import Attribute, FloatArray, Scene, SceneError, YaspsError
+from yasps import Attribute, FloatArray, Scene, SceneError
 from yasps.contact import BarrierContact, ContactPast
 from yasps.frontend.language.arrays import in_instances, positive_number, real_numbers
 from yasps.frontend.language.in_scene import InScene
@@ -19,6 +19,7 @@ from yasps.output import TimeTable
 from yasps.stepping.arrival import Arrival
 from yasps.stepping.driven import Driven
 from yasps.stepping.forces import Arms, ForceMeasure, checked_arms
+from yasps.stepping.integrators import BACKWARD_EULER, Carried, Integrator, Moment, Past, checked_integrator, weighted
 from yasps.stepping.motion import Motion, positions_of
 from yasps.stepping.newton import minimize
 from yasps.stepping.settings import NewtonReport, NewtonSettings
@@ -33,7 +34,8 @@ LAGGING_PASSES = 30
 
 @dataclass(frozen=True)
 class MovingPart:
-    """Vertices with inertia: `predicted` is the constant x_n + dt v_n of their inertia energy; both 3x1; mass [kg]."""
+    """Vertices with inertia: `predicted` is the constant X + h V of their inertia energy (see `Integrator`), for
+    backward Euler x_n + dt v_n; both 3x1; mass [kg]."""
 
     position: Attribute
     predicted: Attribute
@@ -42,34 +44,56 @@ class MovingPart:
 
 @dataclass(frozen=True)
 class StepperState:
-    """What a step of `BackwardEuler` changes: values of targets, velocities of parts and targets, what driven
-    vertices say of themselves, what contact remembers, and the time."""
+    """What a step of `TimeStepper` changes: values of targets, velocities of parts and targets, what driven
+    vertices say of themselves, what contact remembers, the effective step, the step before, and the time."""
 
     targets: list[FloatArray]
     velocities: list[FloatArray]
     target_velocities: list[FloatArray]
     driven: list[tuple[Any, ...]]
     contact: ContactPast | None
+    effective_step: FloatArray | None
+    carried: list[FloatArray]
+    past: Past | None
     time: float
 
 
-def _of_one_instance(acceleration: ArrayLike, target: Attribute) -> FloatArray:
-    """The acceleration of a target, flat."""
+def _of_one_instance(acceleration: ArrayLike | Attribute, target: Attribute) -> FloatArray:
+    """The acceleration of a target now, flat."""
     what = f"the acceleration of {target.path}"
+    if isinstance(acceleration, Attribute):
+        acceleration = acceleration.value
     return in_instances(real_numbers(acceleration, what), 1, target.shape, what).reshape(-1)
 
 
-class BackwardEuler(InScene):
+def _check_effective_step(integrator: Integrator, effective_step: Attribute | None) -> None:
+    """Raises SceneError unless inertia can read the integrator's effective step."""
+    if effective_step is None and integrator.share != 1.0:
+        raise SceneError(
+            f"{integrator.name} changes the step that inertia counts in: add a constant 1x1 to the scene, let"
+            " materials.inertia read it, and give it as effective_step"
+        )
+    if effective_step is not None and not (isinstance(effective_step, Attribute) and effective_step.shape == (1, 1)):
+        raise SceneError(f"effective_step is a constant of the scene, 1x1 [s], got {effective_step!r}")
+
+
+class TimeStepper(InScene):
     """Steps a scene through time; the scene's energies must include `materials.inertia` of every part.
 
     accelerations: target -> uniform acceleration [m/s^2] of that target in free flight (gravity for positions and
-    translations; nothing for matrices). The first guess of a step, x_n + dt v_n + dt^2 a, is then the exact solution
-    for bodies that fly freely. It is only taken where no pair is close at x_n, no collision is on the way and the
-    energy is lower than at x_n. arms: see `minimize`.
+    translations; nothing for matrices), numbers or a constant of the scene, whose numbers are those of each step. The
+    first guess of a step, x_n + dt v_n + dt^2 a, is then the exact solution for bodies that fly freely. It is only
+    taken where no pair is close at x_n, no collision is on the way and the energy is lower than at x_n. arms: see
+    `minimize`.
 
     lagging: normal forces, closest points and tangent planes of friction are those at the beginning of the step
     ("once"); or, in passes, those of where the last pass ended, until they change nothing any more ("converged"). That
     is not sure to happen; the report says whether it did.
+
+    integrator: `BACKWARD_EULER` or `BDF2`. BDF2 takes a step of backward Euler first, and after every change: of the
+    time step, of positions or velocities from outside, of a state without the step before it. effective_step: a
+    constant 1x1 that energies of inertia and damping read for the time step, and that is set in each step: with BDF2 to
+    2/3 of it. It may be left out for backward Euler, if the time step never changes.
 
     `driven`: vertices that are prescribed (see `Driven`); `immovable`: of all vertices of the contact, which no target
     moves, [n]; `driven_tolerance` [m]: how near vertices that can't be set must come to their places.
@@ -82,15 +106,18 @@ class BackwardEuler(InScene):
         time_step: float,
         contact: BarrierContact | None = None,
         *,
-        accelerations: Mapping[Attribute, ArrayLike] | None = None,
+        accelerations: Mapping[Attribute, ArrayLike | Attribute] | None = None,
         settings: NewtonSettings = NewtonSettings(),
         times: TimeTable | None = None,
         arms: Arms | None = None,
         lagging: str = "once",
+        integrator: Integrator = BACKWARD_EULER,
+        effective_step: Attribute | None = None,
     ) -> None:
         if lagging not in LAGGING:
             raise SceneError(f"lagging is one of {', '.join(map(repr, LAGGING))}, got {lagging!r}")
         time_step = positive_number(time_step, "time_step", "s", SceneError)
+        _check_effective_step(checked_integrator(integrator), effective_step)
         self.scene = scene
         self.parts = list(parts)
         self.time_step = time_step
@@ -99,15 +126,22 @@ class BackwardEuler(InScene):
         self.times = times or TimeTable()
         self.arms = checked_arms(arms, scene)
         self.lagging = lagging
+        self.integrator = integrator
+        self.effective_step = effective_step
+        self.past: Past | None = None
+        self.carried: list[Carried] = []
         self.time = 0.0
         self.driven: list[Driven] = []
         self.driven_tolerance = 1e-9
         self.immovable = np.zeros(0 if contact is None else len(contact.positions()), np.bool_)
         self.velocities = [np.zeros((part.position.owner.num_instances, 3)) for part in parts if part.position.owner]
-        self._accelerations = {
-            target: _of_one_instance(acceleration, target) for target, acceleration in (accelerations or {}).items()
-        }
-        self.target_velocities = [np.zeros_like(target.value) for target in scene.minimize_targets]
+        self._accelerations = dict(accelerations or {})
+        for target, acceleration in self._accelerations.items():
+            _of_one_instance(acceleration, target)
+        self._targets: list[Attribute] = []
+        self.target_velocities: list[FloatArray] = []
+        """Of the scene's targets, flat: those of the last step [1/s of the target's unit]."""
+        self._follow_targets()
 
     @property
     def _lock(self) -> SceneLock:
@@ -122,19 +156,68 @@ class BackwardEuler(InScene):
         targets then have the last accepted values. Where vertices are driven, nothing has moved after any error.
         """
         dt = self.time_step
-        if self.contact is not None:
-            self.contact.start_step()
+        self._follow_targets()
+        here = self._moment(None if self.contact is None else self.contact.start_step())
+        origin, effective = self._origin(here)
+        if self.effective_step is not None and self.effective_step.value[0] != effective:
+            self.effective_step.update_value(effective)
+        if self.contact is not None and origin.surface is not None:
+            self.contact.count_slips_from(origin.surface)
+        for part, x, v in zip(self.parts, origin.positions, origin.velocities, strict=True):
+            part.predicted.update_value(x + effective * v)
+        for carried, value in zip(self.carried, origin.carried, strict=True):
+            carried.constant.update_value(value)
         old_targets = Motion(self.scene).start
-        old_positions = [positions_of([part.position]) for part in self.parts]
-        for part, x, v in zip(self.parts, old_positions, self.velocities, strict=True):
-            part.predicted.update_value(x + dt * v)
         report = self._solve(old_targets, self.time + dt if until is None else until)
-        for k, (part, x) in enumerate(zip(self.parts, old_positions, strict=True)):
-            self.velocities[k] = (positions_of([part.position]) - x) / dt
+        for k, (part, x) in enumerate(zip(self.parts, origin.positions, strict=True)):
+            self.velocities[k] = (positions_of([part.position]) - x) / effective
         new_targets = Motion(self.scene).start
         self.target_velocities = [(new - old) / dt for new, old in zip(new_targets, old_targets, strict=True)]
+        if len(self.integrator.weights) > 1:
+            end = self._moment(None if self.contact is None else self.contact.positions())
+            self.past = Past(here, end, dt)
         self.time += dt
         return report
+
+    def _moment(self, surface: FloatArray | None) -> Moment:
+        """Positions and velocities as they are now."""
+        return Moment(
+            [positions_of([part.position]) for part in self.parts],
+            [v.copy() for v in self.velocities],
+            surface,
+            [one.attribute.value for one in self.carried],
+        )
+
+    def remember(self, numbers: Mapping[str, FloatArray]) -> None:
+        """Takes the step before the present state from `Past.start_numbers`, or forgets it if there are none."""
+        end = self._moment(None if self.contact is None else self.contact.positions())
+        self.past = Past.of_numbers(numbers, end) if len(self.integrator.weights) > 1 else None
+
+    def _origin(self, here: Moment) -> tuple[Moment, float]:
+        """X and V of the step that begins here, and its effective step [s]; those of backward Euler where nobody can
+        tell what was before: at first, and after a change."""
+        past, dt = self.past, self.time_step
+        known = past is not None and past.time_step == dt and len(past.start.carried) == len(here.carried)
+        if past is None or not known or not here.continues(past.end):
+            return here, BACKWARD_EULER.share * dt
+        return weighted(self.integrator.weights, [here, past.start]), self.integrator.share * dt
+
+    def _follow_targets(self) -> None:
+        """Targets may come and go between steps; new ones are at rest."""
+        targets = self.scene.minimize_targets
+        known = dict(zip(self._targets, self.target_velocities, strict=True))
+        self.target_velocities = [
+            known[target]
+            if target in known and known[target].size == target.value.size
+            else np.zeros_like(target.value)
+            for target in targets
+        ]
+        self._targets = list(targets)
+
+    def velocities_of_targets(self) -> Iterator[tuple[Attribute, FloatArray]]:
+        """The scene's targets and their velocities in the last step, flat."""
+        self._follow_targets()
+        return zip(self._targets, self.target_velocities, strict=True)
 
     def _solve(self, old_targets: list[FloatArray], until: float) -> NewtonReport:
         """Moves the targets to the end of the step."""
@@ -144,7 +227,7 @@ class BackwardEuler(InScene):
         before = self.save()
         try:
             return Arrival(self, old_targets, until).run()
-        except YaspsError:
+        except BaseException:  # also of a motion that is the user's own
             self.load(before)
             raise
 
@@ -229,8 +312,8 @@ class BackwardEuler(InScene):
         dt, flights = self.time_step, []
         for target, old, velocity in zip(self.scene.minimize_targets, old_targets, self.target_velocities, strict=True):
             flight = old + dt * velocity
-            acceleration = self._accelerations.get(target)
-            if falls and acceleration is not None:
+            if falls and target in self._accelerations:
+                acceleration = _of_one_instance(self._accelerations[target], target)
                 flight = flight + dt * dt * np.tile(acceleration, old.size // acceleration.size)
             flights.append(flight)
         return flights
@@ -243,6 +326,9 @@ class BackwardEuler(InScene):
             [velocity.copy() for velocity in self.target_velocities],
             [one.save() for one in self.driven],
             None if self.contact is None else self.contact.save(),
+            None if self.effective_step is None else self.effective_step.value,
+            [one.constant.value for one in self.carried],
+            self.past,
             self.time,
         )
 
@@ -253,7 +339,11 @@ class BackwardEuler(InScene):
         self.target_velocities = [velocity.copy() for velocity in state.target_velocities]
         for one, saved in zip(self.driven, state.driven, strict=True):
             one.load(saved)
-        self.time = state.time
+        if self.effective_step is not None and state.effective_step is not None:
+            self.effective_step.update_value(state.effective_step)
+        for one_carried, value in zip(self.carried, state.carried, strict=True):
+            one_carried.constant.update_value(value)
+        self.past, self.time = state.past, state.time
         if self.contact is not None and state.contact is not None:
             self.contact.load(state.contact)
 

@@ -1,0 +1,145 @@
+"""Parameterisations, joints and elements."""
+
+from __future__ import annotations
+
+from mutation import Mutation
+
+RIGID = "tests/bodies/test_rigid_and_caged_bodies.py"
+TURNS = (f"{RIGID}::test_a_block_turns_many_times_and_stays_rigid",)
+WEIGHTS = "tests/parameterisations/test_weights.py"
+
+JOINT_ENERGIES = "yasps/materials/joints.py"
+JOINT_VALUES = ("tests/materials/test_joint_energies.py::test_values",)
+LINKAGE = ("tests/bodies/test_joints.py::test_a_four_bar_linkage_follows_its_closed_form_through_a_whole_turn",)
+
+KINDS = "yasps/meshes/element_kinds.py"
+ELEMENT_MESH = "yasps/meshes/element_mesh.py"
+ELEMENTS = "tests/meshes/test_element_mesh.py"
+
+MUTATIONS = (
+    Mutation(
+        "masses are lumped by sums of rows",
+        KINDS,
+        "np.array([1 / 36] * 4 + [4 / 27] * 6)",
+        "np.array([-1 / 20] * 4 + [1 / 5] * 6)",
+        (f"{ELEMENTS}::test_masses_are_the_scaled_diagonal_of_the_consistent_matrix",),
+    ),
+    Mutation(
+        "nodes in the middle of sides stand in another order",
+        KINDS,
+        "TET_SIDES = ((0, 1), (1, 2), (2, 0), (0, 3), (1, 3), (2, 3))",
+        "TET_SIDES = ((0, 1), (0, 2), (0, 3), (1, 2), (1, 3), (2, 3))",
+        (f"{ELEMENTS}::test_slopes_differentiate_what_the_kind_can_represent",),
+    ),
+    Mutation(
+        "gradients are by the transposed Jacobian",
+        ELEMENT_MESH,
+        '"qnd,mqde->mqne", slopes, np.linalg.inv(by_local)',
+        '"qnd,mqed->mqne", slopes, np.linalg.inv(by_local)',
+        (f"{ELEMENTS}::test_an_affine_map_has_its_matrix_at_every_point",),
+    ),
+    Mutation(
+        "half of a quadrilateral looks inwards",
+        ELEMENT_MESH,
+        "turned[:, [[0, 1, 2], [0, 2, 3]]]",
+        "turned[:, [[0, 1, 2], [0, 3, 2]]]",
+        (f"{ELEMENTS}::test_surfaces_are_closed_and_look_outwards",),
+    ),
+    Mutation(
+        "Gauss points have the weights of others",
+        ELEMENT_MESH,
+        "(size * kind.weights).reshape(-1)",
+        "(size * kind.weights).T.reshape(-1)",
+        ("tests/bodies/test_elements.py::test_the_patch_test_is_exact",),
+    ),
+    Mutation(
+        "a slider leaves one direction free",
+        JOINT_ENERGIES,
+        "(across * across + other * other)",
+        "across * across",
+        JOINT_VALUES,
+    ),
+    Mutation(
+        "an angle counts the other way",
+        JOINT_ENERGIES,
+        "sine, cosine = e3.dot(f2) - e2.dot(f3)",
+        "sine, cosine = e2.dot(f3) - e3.dot(f2)",
+        JOINT_VALUES,
+    ),
+    Mutation(
+        "a motor jumps at its largest torque",
+        JOINT_ENERGIES,
+        "(off - 0.5 * torque / select",
+        "(off - torque / select",
+        JOINT_VALUES,
+    ),
+    Mutation(
+        "limits pull from inside",
+        JOINT_ENERGIES,
+        "maximum(angle - as_attribute(most), constant(0.0))",
+        "maximum(as_attribute(most) - angle, constant(0.0))",
+        JOINT_VALUES,
+    ),
+    Mutation(
+        "a frame is fixed to other vertices",
+        "yasps/bodies/joints.py",
+        "row |= {side: start + numbers,",
+        "row |= {side: numbers,",
+        LINKAGE,
+    ),
+    Mutation(
+        "angles begin anew after a whole turn",
+        "yasps/bodies/joints.py",
+        "hinge.frames.set(hinge.number, reference=hinge.angle())",
+        "hinge.frames.set(hinge.number, reference=0.0)",
+        LINKAGE,
+    ),
+    Mutation(
+        "a rotation turns the other way",
+        "yasps/parameterisations/rigid.py",
+        "[[no, -z, y], [z, no, -x], [-y, x, no]]",
+        "[[no, z, -y], [-z, no, x], [y, -x, no]]",
+        (f"{RIGID}::test_rotation_matrices",),
+    ),
+    Mutation(
+        "the base rotation is put after the vector's",
+        "yasps/parameterisations/rigid.py",
+        "(turns * bases).as_matrix()",
+        "(bases * turns).as_matrix()",
+        (
+            f"{RIGID}::test_a_state_has_the_base_rotation",
+            f"{RIGID}::test_putting_the_vector_into_the_base_rotation_moves_nothing",
+        ),
+    ),
+    Mutation(
+        "a state is without the base rotation",
+        "yasps/simulation/simulation.py",
+        '            one.update_value(state[f"history/{one.path}"])\n',
+        "            pass\n",
+        (
+            f"{RIGID}::test_a_state_has_the_base_rotation",
+            "tests/bodies/test_joints.py::test_a_state_has_the_turns_of_hinges",
+        ),
+    ),
+    Mutation(
+        "a link turns against the plane",
+        "yasps/parameterisations/chains.py",
+        "((cosine - 1) * x - sine * y) * first",
+        "((cosine - 1) * x + sine * y) * first",
+        (f"{WEIGHTS}::test_links_turn_in_their_plane_by_the_sum_of_angles",),
+    ),
+    Mutation(
+        "barycentric weights belong to other corners",
+        "yasps/parameterisations/cage.py",
+        "np.column_stack([1 - later.sum(axis=1), later])",
+        "np.column_stack([later, 1 - later.sum(axis=1)])",
+        (f"{WEIGHTS}::test_barycentric_weights_give_points_and_affine_maps_back",),
+    ),
+    Mutation(
+        "a cage's cells are all full",
+        "yasps/bodies/caged_body.py",
+        "volumes = points.volumes * np.repeat(filled, 8)",
+        "volumes = points.volumes",
+        (f"{RIGID}::test_a_caged_ball_keeps_its_momentum_and_every_corner_is_held",),
+    ),
+)
