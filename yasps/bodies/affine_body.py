@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
-from yasps import Scene, SceneError, materials
+from yasps import Attribute, FloatArray, Mesh, Primitive, Scene, SceneError, materials
 from yasps.bodies.body import Body, checked_density
 from yasps.frontend.language.arrays import positive_number
 from yasps.meshes import TetrahedralMesh, TriangleMesh, tetrahedra_of
@@ -53,11 +53,22 @@ class AffineBody(Body):
         self.add_energy(self.body.add_attribute("orthogonality", computed_attribute=orthogonality))
         self.targets, self.falling = (matrix, translation), (translation,)
         self.arms = {matrix: float(np.linalg.norm(shape.vertices - center, axis=1).max())}
+        mass = shape.vertex_masses(density)
+        self.vertices = vertices_of(self.mesh, self.body, matrix, translation, rest=shape.vertices - center, mass=mass)
 
-        self.vertices = self.mesh.add_primitive("vertices", num_instances=len(shape.vertices))
-        of_body = self.vertices.add_connectivity("of_body", self.body, np.zeros(len(shape.vertices), int), 1)
-        own_matrix = self.vertices.add_attribute("affine_matrix", through=of_body, source=matrix)
-        own_translation = self.vertices.add_attribute("translation", through=of_body, source=translation)
-        rest = self.vertices.add_constant("rest_position", rows=3, cols=1, value=shape.vertices - center)
-        self.vertices.add_attribute("position", computed_attribute=affine_position(own_matrix, own_translation, rest))
-        self.vertices.add_constant("mass", rows=1, cols=1, value=shape.vertex_masses(density))
+
+def vertices_of(
+    mesh: Mesh, body: Primitive, matrix: Attribute, translation: Attribute, *, rest: FloatArray, mass: FloatArray
+) -> Primitive:
+    """A primitive `vertices` that goes along with one body: `position` is matrix r + translation.
+
+    matrix: 3x3, translation: 3x1 [m], both of the body. rest: r, `rest_position` [m], [n, 3]; mass [kg], [n].
+    """
+    vertices = mesh.add_primitive("vertices", num_instances=len(rest))
+    of_body = vertices.add_connectivity("of_body", body, np.zeros(len(rest), int), 1)
+    own_matrix = vertices.add_attribute("matrix", through=of_body, source=matrix)
+    own_translation = vertices.add_attribute("translation", through=of_body, source=translation)
+    place = vertices.add_constant("rest_position", rows=3, cols=1, value=rest)
+    vertices.add_attribute("position", computed_attribute=affine_position(own_matrix, own_translation, place))
+    vertices.add_constant("mass", rows=1, cols=1, value=mass)
+    return vertices

@@ -6,10 +6,11 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from yasps import Scene, SceneError
+from yasps.bodies.affine_body import vertices_of
 from yasps.bodies.body import Body, checked_density
 from yasps.frontend.language.arrays import positive_number
 from yasps.meshes import TetrahedralMesh, TriangleMesh, tetrahedra_of
-from yasps.parameterisations import affine_position, recentred_rotation, rotation_matrix
+from yasps.parameterisations import recentred_rotation, rotation_matrix
 
 
 class RigidBody(Body):
@@ -55,15 +56,9 @@ class RigidBody(Body):
         self.targets, self.falling = (self.rotation_vector, translation), (translation,)
         self.arms = {self.rotation_vector: float(np.linalg.norm(shape.vertices - center, axis=1).max())}
         self.history = (self.base_rotation,)
-
-        self.vertices = self.mesh.add_primitive("vertices", num_instances=len(shape.vertices))
-        of_body = self.vertices.add_connectivity("of_body", self.body, np.zeros(len(shape.vertices), int), 1)
-        own_rotation = self.vertices.add_attribute("rotation", through=of_body, source=rotation)
-        own_translation = self.vertices.add_attribute("translation", through=of_body, source=translation)
-        rest = self.vertices.add_constant("rest_position", rows=3, cols=1, value=shape.vertices - center)
-        position = affine_position(own_rotation, own_translation, rest)
-        self.vertices.add_attribute("position", computed_attribute=position)
-        self.vertices.add_constant("mass", rows=1, cols=1, value=mass)
+        self.vertices = vertices_of(
+            self.mesh, self.body, rotation, translation, rest=shape.vertices - center, mass=mass
+        )
 
     def start_step(self) -> None:
         """Adds the rotation vector to the base rotation and begins at 0 again: no vertex moves by it."""

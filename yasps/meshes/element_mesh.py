@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import itertools
 from dataclasses import dataclass
 
 import numpy as np
@@ -10,7 +9,7 @@ from numpy.typing import ArrayLike
 
 from yasps.frontend.language.arrays import real_numbers, vertices_and_elements
 from yasps.meshes.element_kinds import KINDS, TET_SIDES, TRIANGLE_SIDES, ElementKind
-from yasps.meshes.shapes import TriangleMesh, _check_divisions, _check_size
+from yasps.meshes.shapes import TriangleMesh, grid_of_cells
 from yasps.meshes.tetrahedral_mesh import Float64Array, Int32Array, MeshError, TetrahedralMesh
 
 
@@ -161,14 +160,6 @@ def hex_box(
     size: tuple[float, float, float] = (1.0, 1.0, 1.0), divisions: tuple[int, int, int] = (8, 8, 8)
 ) -> ElementMesh:
     """A box of hexahedra, its middle at the origin. size [m]; divisions: cells along x, y, z. Raises MeshError."""
-    _check_size("box", size)
-    _check_divisions("box", divisions)
-    axes = (np.linspace(-0.5 * length, 0.5 * length, n + 1) for length, n in zip(size, divisions, strict=True))
-    vertices = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 3)
-    number = np.arange(len(vertices)).reshape([n + 1 for n in divisions])
-    corner = {
-        offset: number[tuple(slice(o, o + n) for o, n in zip(offset, divisions, strict=True))].ravel()
-        for offset in itertools.product((0, 1), repeat=3)
-    }
+    vertices, corner = grid_of_cells(size, divisions)
     order = ((0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0), (0, 0, 1), (1, 0, 1), (1, 1, 1), (0, 1, 1))
     return ElementMesh("hexahedron", vertices, np.stack([corner[one] for one in order], axis=1).astype(np.int32))

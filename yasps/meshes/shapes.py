@@ -4,6 +4,7 @@ import itertools
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from yasps.meshes.isosurface_stuffing import stuff_isosurface_with_vertex_count
 from yasps.meshes.tetrahedral_mesh import Float64Array, Int32Array, MeshError, TetrahedralMesh
@@ -18,6 +19,23 @@ class TriangleMesh(NamedTuple):
     triangles: Int32Array
 
 
+Corners = dict[tuple[int, ...], NDArray[np.int64]]
+
+
+def grid_of_cells(size: tuple[float, float, float], divisions: tuple[int, int, int]) -> tuple[Float64Array, Corners]:
+    """The vertices of a box of cells, its middle at the origin, [n, 3], and of each cell its corner at an offset of
+    (0, 0, 0) to (1, 1, 1), as vertex numbers [cells]. Raises MeshError."""
+    _check_size("box", size)
+    _check_divisions("box", divisions)
+    axes = (np.linspace(-0.5 * length, 0.5 * length, n + 1) for length, n in zip(size, divisions, strict=True))
+    vertices = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 3)
+    number = np.arange(len(vertices)).reshape([n + 1 for n in divisions])
+    return vertices, {
+        offset: number[tuple(slice(o, o + n) for o, n in zip(offset, divisions, strict=True))].ravel()
+        for offset in itertools.product((0, 1), repeat=3)
+    }
+
+
 def box(
     size: tuple[float, float, float] = (1.0, 1.0, 1.0), divisions: tuple[int, int, int] = (8, 8, 8)
 ) -> TetrahedralMesh:
@@ -30,15 +48,7 @@ def box(
     Raises:
         MeshError: a length is not positive or a number of cells is below 1.
     """
-    _check_size("box", size)
-    _check_divisions("box", divisions)
-    axes = (np.linspace(-0.5 * length, 0.5 * length, n + 1) for length, n in zip(size, divisions, strict=True))
-    vertices = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 3)
-    number = np.arange(len(vertices)).reshape([n + 1 for n in divisions])
-    corner = {
-        offset: number[tuple(slice(o, o + n) for o, n in zip(offset, divisions, strict=True))].ravel()
-        for offset in itertools.product((0, 1), repeat=3)
-    }
+    vertices, corner = grid_of_cells(size, divisions)
     # Each path along three edges from the lowest to the highest corner of a cell spans one tetrahedron; all six share
     # the cell's diagonal, and neighbouring cells cut their common face alike.
     tets = []
