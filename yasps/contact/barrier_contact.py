@@ -335,8 +335,9 @@ class BarrierContact(InScene):
     def show_only(self, chosen: Mapping[str, NDArray[np.bool_]]) -> None:
         """Gives the scene of each of these kinds the pairs of the active set that the mask, [n], chooses, and all pairs
         of the others."""
+        kinds = self.active.kinds()
         for name, primitive in self.primitives.items():
-            pairs = self.active.kinds()[name]
+            pairs = kinds[name]
             pairs = pairs.chosen(chosen[name]) if name in chosen else pairs
             if name not in self._given or not pairs.same_as(self._given[name]):
                 self._given[name] = pairs
