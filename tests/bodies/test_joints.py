@@ -9,7 +9,7 @@ import scipy.optimize
 from numpy.typing import NDArray
 
 from yasps import DataError, Scene, SceneError
-from yasps.bodies import AffineBody, Body, Cloth, Hinge, Joint, Joints, RigidBody, SoftBody
+from yasps.bodies import AffineBody, Body, Cloth, HalfSpace, Hinge, Joint, Joints, RigidBody, SoftBody
 from yasps.meshes import box, cloth_grid
 from yasps.simulation import Simulation
 from yasps.stepping import BDF2, NewtonSettings
@@ -236,6 +236,10 @@ def test_what_no_joint_can_be() -> None:
     joints = Joints(scene, [rigid, cloth])
     with pytest.raises(SceneError, match="both are the world"):
         joints.point(None, None, (0, 0, 0), 1.0)
+    with pytest.raises(SceneError, match="both are the world"):
+        joints.hinge(None, None, (0, 0, 0), (0, 0, 1), 1.0)
+    with pytest.raises(SceneError, match="is none of the bodies of these joints"):
+        joints.fixed(None, HalfSpace(scene, "ground"), (0, 0, 0), 1.0)
     with pytest.raises(SceneError, match="both are <RigidBody 'rigid'"):
         joints.hinge(rigid, rigid, (0, 0, 0), (0, 0, 1), 1.0)
     with pytest.raises(SceneError, match="is none of the bodies of these joints: \\['rigid', 'cloth'\\]"):
@@ -252,6 +256,8 @@ def test_what_no_joint_can_be() -> None:
         joints.point(None, cloth, cloth.rest[0] + [0.0, 0.0, 0.5], 1.0)
     with pytest.raises(SceneError, match="has no direction"):
         joints.spring(None, rigid, (0, 0, 0), (0, 0, 0), 1.0, length=1.0)
+    with pytest.raises(DataError, match="length of a spring needs real numbers"):
+        joints.spring(None, rigid, (0, 0, 0), (1, 0, 0), 1.0, length="long")  # type: ignore[arg-type]
     assert joints.all == []
     joint: Joint = joints.point(None, cloth, cloth.rest[0], 1.0)
     assert joint.residual().gap == 0.0
@@ -260,6 +266,10 @@ def test_what_no_joint_can_be() -> None:
         hinge.limit(1.0, -1.0, 1.0)
     with pytest.raises(SceneError, match="the motor of hinge 1"):
         hinge.drive(1.0, -1.0)
+    with pytest.raises(DataError, match="the motor of hinge 1 needs real numbers"):
+        hinge.drive("open", 1.0)  # type: ignore[arg-type]
+    with pytest.raises(DataError, match="the limits of hinge 1: entry 1 is inf"):
+        hinge.limit(0.0, np.inf, 1.0)
 
 
 def test_a_state_has_the_turns_of_hinges() -> None:

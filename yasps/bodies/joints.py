@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike
 from yasps import Attribute, Primitive, Scene, SceneError, concat_rows, materials
 from yasps.bodies.body import Body
 from yasps.bodies.material_frames import checked_vector, material_frame, right_handed
-from yasps.frontend.language.arrays import positive_number
+from yasps.frontend.language.arrays import positive_number, real_numbers
 from yasps.meshes.tetrahedral_mesh import Float64Array, Int32Array
 
 WORLD = np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]])
@@ -120,20 +120,28 @@ class Hinge(Joint):
 
     def drive(self, aim: float, stiffness: float, torque: float = UNLIMITED) -> None:
         """A motor that turns it to an angle [rad] with a stiffness [N m / rad] and at most this torque [N m]. Compiles
-        once; later calls change its numbers. A stiffness of 0 ends it. Raises SceneError."""
-        if not (np.isfinite(aim) and stiffness >= 0 and torque > 0):
+        once; later calls change its numbers. A stiffness of 0 ends it. Raises SceneError, DataError."""
+        aim, stiffness, torque = _numbers((aim, stiffness, torque), f"the motor of {self.name}")
+        if not (stiffness >= 0 and torque > 0):
             raise SceneError(
                 f"the motor of {self.name}: an aim, a stiffness >= 0 and a torque > 0, got {aim}, {stiffness}, {torque}"
             )
         self.joints._turn(self, aim=aim, drive=stiffness, torque=torque)
 
     def limit(self, least: float, most: float, stiffness: float) -> None:
-        """Limits of the angle [rad], which give way by a cube: stiffness [N m / rad^2]. Raises SceneError."""
+        """Limits of the angle [rad], which give way by a cube: stiffness [N m / rad^2]. Raises SceneError,
+        DataError."""
+        least, most, stiffness = _numbers((least, most, stiffness), f"the limits of {self.name}")
         if not (least <= most and stiffness >= 0):
             raise SceneError(
                 f"the limits of {self.name}: least <= most and a stiffness >= 0, got {least}, {most}, {stiffness}"
             )
         self.joints._turn(self, least=least, most=most, limit=stiffness)
+
+
+def _numbers(given: Sequence[object], what: str) -> list[float]:
+    """Finite numbers. Raises DataError."""
+    return [float(one) for one in real_numbers(given, what)]
 
 
 def _origins(frames: _Frames) -> Attribute:
@@ -240,8 +248,7 @@ class Joints:
         distance. stiffness [N/m]. Raises SceneError, DataError."""
         ends = [checked_vector(at, "an end of a spring") for at in (first_at, second_at)]
         distance = float(np.linalg.norm(ends[1] - ends[0]))
-        if length is None:
-            length = distance
+        length = distance if length is None else _numbers([length], "the length of a spring")[0]
         if not length >= 0 or (length > 0 and distance == 0):
             raise SceneError(f"a spring of length {length} m between points {distance} m apart has no direction")
         row = self._pair(first, second, ends, np.zeros((3, 3)))
@@ -269,18 +276,18 @@ class Joints:
         """place: point and axis; stiffness: of the point and of the alignment."""
         (at, axis), (held, alignment) = place, stiffness
         origin = checked_vector(at, f"the place of a {kind} joint")
-        held = positive_number(held, f"the stiffness of a {kind} joint", "N/m", SceneError)
-        if alignment is None:
-            alignment = held * max(float(np.ptp(b.rest, axis=0).max()) for b in bodies if b is not None) ** 2
         vectors = (
             np.zeros((3, 3)) if axis is None else right_handed(checked_vector(axis, f"the axis of a {kind} joint"))
         )
+        row = self._pair(*bodies, [origin, origin], vectors)
+        held = positive_number(held, f"the stiffness of a {kind} joint", "N/m", SceneError)
+        if alignment is None:
+            alignment = held * max(float(np.ptp(b.rest, axis=0).max()) for b in bodies if b is not None) ** 2
         kept = {"point": (0, 0, 0), "hinge": (1, 0, 0), "fixed": (1, 1, 1), "slider": (1, 1, 1)}[kind]
         if any(kept):
             alignment = positive_number(alignment, f"the alignment of a {kind} joint", "N m / rad", SceneError)
         # Two vectors turn with a small angle, so each has half of the stiffness; of a hinge's axis it is the one.
         share = 0.5 if sum(kept) == 3 else 1.0
-        row = self._pair(*bodies, [origin, origin], vectors)
         row |= {"stiffness": held, "alignment": share * alignment * np.array(kept, np.float64)}
         row |= {"reference": 0.0}
         primitive = "sliders" if kind == "slider" else "links"
