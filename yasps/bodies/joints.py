@@ -139,7 +139,7 @@ class Hinge(Joint):
         self.joints._turn(self, least=least, most=most, limit=stiffness)
 
 
-def _numbers(given: Sequence[object], what: str) -> list[float]:
+def _numbers(given: Sequence[float], what: str) -> list[float]:
     """Finite numbers. Raises DataError."""
     return [float(one) for one in real_numbers(given, what)]
 
