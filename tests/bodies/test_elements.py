@@ -165,4 +165,6 @@ def test_surfaces_are_no_soft_bodies() -> None:
     scene = Scene("wrong", threads=1)
     with pytest.raises(MeshError, match="has no volume"):
         ElementBody(scene, "cloth", quadratic(cloth_grid((1.0, 1.0), (2, 2))))
+    with pytest.raises(MeshError, match="cloth: a body of elements is made of an ElementMesh"):
+        ElementBody(scene, "cloth", box())  # type: ignore[arg-type]
     ElementBody(scene, "cloth", hex_box((1.0, 1.0, 1.0), (1, 1, 1)))

@@ -34,17 +34,20 @@ class ElementBody(Body):
         """
         density = checked_density(name, density, "kg/m^3")
         materials.stable_neo_hookean_parameters(youngs_modulus, poisson_ratio)
+        if not isinstance(shape, ElementMesh):
+            raise MeshError(f"{name}: a body of elements is made of an ElementMesh (yasps.meshes), got {shape!r}")
         if shape.kind.startswith("triangle"):
             raise MeshError(f"{name}: {shape} has no volume; soft bodies are of tetrahedra or hexahedra.")
+        points, masses, surface = shape.points(), shape.vertex_masses(density), shape.surface_triangles()
         super().__init__(scene, name, shape.vertices, radius)
         self.contact_modulus = float(youngs_modulus)
-        self.cells, self.triangles = {shape.kind: shape.cells}, shape.surface_triangles()
+        self.cells, self.triangles = {shape.kind: shape.cells}, surface
         self.vertices = self.mesh.add_primitive("vertices", num_instances=len(shape.vertices))
         position = self.vertices.add_attribute("position", rows=3, cols=1, value=shape.vertices)
         self.vertices.add_constant("rest_position", rows=3, cols=1, value=shape.vertices)
-        self.vertices.add_constant("mass", rows=1, cols=1, value=shape.vertex_masses(density))
+        self.vertices.add_constant("mass", rows=1, cols=1, value=masses)
         self.targets = self.falling = (position,)
-        self.gauss_points = add_elastic_points(self, shape.points(), position, youngs_modulus, poisson_ratio)
+        self.gauss_points = add_elastic_points(self, points, position, youngs_modulus, poisson_ratio)
 
 
 def add_elastic_points(
