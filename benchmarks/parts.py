@@ -22,7 +22,7 @@ from yasps.frontend.commands.environment_report import cpu_model
 from yasps.meshes import box, cloth_grid, hinge_stiffness, hinges_of
 from yasps.runtime.core.library import available_processors
 
-DESCRIPTION = "every material of the kit: width of the projection, nanoseconds an instance of gradient and Hessian"
+DESCRIPTION = "every energy of the kit: width of the projection, nanoseconds an instance of gradient and Hessian"
 DEFAULT_SIZE = 20_000
 NOISE = 0.05  # of the size of a cell: by how much vertices are moved from rest
 

@@ -174,7 +174,7 @@ def _ogden(values: Attribute) -> Attribute:
 
 def _cubes(values: Attribute) -> Attribute:
     """With a kink in the second derivative."""
-    return sum((select(l > 1.05, (l - 1.05) ** 3, 0) for l in values), values[0] * 0)  # noqa: E741
+    return sum((select(value > 1.05, (value - 1.05) ** 3, 0) for value in values), values[0] * 0)
 
 
 SYMMETRIC: dict[str, tuple[Callable[[Attribute], Attribute], Callable[[Any], Any]]] = {

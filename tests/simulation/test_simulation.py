@@ -252,3 +252,13 @@ def test_what_a_simulation_refuses() -> None:
     simulation, body = falling_cube()
     with pytest.raises(SceneError, match=r"the velocity of soft is \[3\] or \[8, 3\]"):
         simulation.set_velocity(body, np.zeros((3, 8)))
+
+
+def test_what_is_in_a_half_space_is_seen_after_each_frame() -> None:
+    scene = Scene("sunk", threads=1)
+    body = AffineBody(scene, "cube", box((0.1, 0.1, 0.1), (1, 1, 1)).translated((0.0, 0.0, 0.2)))
+    simulation = Simulation(scene, [body, HalfSpace(scene, "ground")])
+    simulation.check_intersection_free()
+    body.targets[1].update_value([0.0, 0.0, 0.04])
+    with pytest.raises(IntersectionError, match=r"in half-space 'ground'.*'cube'"):
+        simulation.check_intersection_free()

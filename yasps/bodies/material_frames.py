@@ -9,6 +9,7 @@ from yasps import DataError, SceneError
 from yasps.bodies.body import Body
 from yasps.frontend.language.arrays import real_numbers
 from yasps.meshes.tetrahedral_mesh import Float64Array
+from yasps.parameterisations import barycentric_coordinates
 
 TETRAHEDRA = {"tetra": (0, 1, 2, 3), "tetra10": (0, 1, 2, 3), "hexahedron": (0, 1, 3, 4)}
 """Of a cell of this kind, four nodes that are not in a plane."""
@@ -46,19 +47,12 @@ def material_frame(body: Body, origin: Float64Array, vectors: Float64Array) -> t
         return _on_surface(body, x, origin, vectors)
     if body.meets_itself:
         tets = np.asarray(body.cells[kind])[:, TETRAHEDRA[kind]].astype(np.int64)
-        chosen = tets[_weights(x[tets], origin).min(axis=1).argmax()]
+        chosen = tets[barycentric_coordinates(x[tets], origin).min(axis=1).argmax()]
     else:
         chosen = _far_apart(x)
     system = np.vstack([x[chosen].T, np.ones(4)])
     right = np.column_stack([np.append(origin, 1.0), *(np.append(vector, 0.0) for vector in vectors)])
     return chosen, np.linalg.solve(system, right).T
-
-
-def _weights(corners: Float64Array, point: Float64Array) -> Float64Array:
-    """Barycentric coordinates of a point in tetrahedra, [m, 4]."""
-    edges = (corners[:, 1:] - corners[:, :1]).swapaxes(1, 2)
-    later = np.linalg.solve(edges, (point - corners[:, 0])[..., None])[..., 0]
-    return np.column_stack([1 - later.sum(axis=1), later])
 
 
 def _far_apart(x: Float64Array) -> NDArray[np.int64]:

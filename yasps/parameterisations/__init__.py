@@ -6,7 +6,7 @@ connectivities.
 """
 
 from yasps.parameterisations.affine import affine_position
-from yasps.parameterisations.cage import barycentric_weights, caged_position, trilinear_weights
+from yasps.parameterisations.cage import barycentric_coordinates, barycentric_weights, caged_position, trilinear_weights
 from yasps.parameterisations.chains import ancestors, turned
 from yasps.parameterisations.modes import modal_position
 from yasps.parameterisations.rigid import cross_matrix, recentred_rotation, rotation_matrix
@@ -16,6 +16,7 @@ __all__ = [
     "Influences",
     "affine_position",
     "ancestors",
+    "barycentric_coordinates",
     "barycentric_weights",
     "blended",
     "caged_position",

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
@@ -12,6 +14,8 @@ from yasps.meshes import trilinear_shape, trilinear_slopes
 INSIDE = 1e-9
 """How far outside a cell, in its local coordinates, a point counts as on its boundary."""
 Weights = tuple[NDArray[np.int64], NDArray[np.float64]]
+WeightsIn = Callable[[int, NDArray[np.float64]], NDArray[np.float64]]
+"""(number of a cell, points [n, 3] near it) -> weights of its corners, [n, corners]."""
 
 
 def caged_position(corners: Attribute, weights: Attribute) -> Attribute:
@@ -29,13 +33,14 @@ def barycentric_weights(points: ArrayLike, vertices: ArrayLike, tets: ArrayLike)
     Raises SceneError for points outside of all; DataError, ShapeMismatchError.
     """
     corners, where = _cells(points, vertices, tets, 4, "tets")
-    edges = (corners[:, 1:] - corners[:, :1]).swapaxes(1, 2)
+    return _located(where, corners, lambda cell, inside: barycentric_coordinates(corners[cell], inside))
 
-    def weights_in(cell: int, inside: NDArray[np.float64]) -> NDArray[np.float64]:
-        later = np.linalg.solve(edges[cell], (inside - corners[cell, 0]).T).T
-        return np.column_stack([1 - later.sum(axis=1), later])
 
-    return _located(where, corners, weights_in)
+def barycentric_coordinates(corners: NDArray[np.float64], points: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Those of points [..., 3] in tetrahedra of these corners [..., 4, 3], one for each or one for all; [..., 4]."""
+    edges = (corners[..., 1:, :] - corners[..., :1, :]).swapaxes(-1, -2)
+    later = np.linalg.solve(edges, (points - corners[..., 0, :])[..., None])[..., 0]
+    return np.concatenate([1 - later.sum(axis=-1, keepdims=True), later], axis=-1)
 
 
 def trilinear_weights(points: ArrayLike, vertices: ArrayLike, hexes: ArrayLike) -> Weights:
@@ -67,9 +72,8 @@ def _cells(
     return x[elements], where
 
 
-def _located(points: NDArray[np.float64], corners: NDArray[np.float64], weights_in: object) -> Weights:
+def _located(points: NDArray[np.float64], corners: NDArray[np.float64], weights_in: WeightsIn) -> Weights:
     """The cell of each point, the one that it is deepest in, and its weights there."""
-    assert callable(weights_in)
     owner = np.full(len(points), -1)
     found = np.zeros((len(points), corners.shape[1]))
     depth = np.full(len(points), -INSIDE)

@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from yasps import Attribute, DataError
 from yasps.frontend.language.arrays import real_numbers
+from yasps.parameterisations.affine import affine_position
 
 ONE = 1e-9
 """How far from 1 the weights of a vertex may add up to."""
@@ -52,4 +53,4 @@ def blended(weight: Attribute, matrix: Attribute, translation: Attribute, rest: 
 
     A is 3x3 or 1x9, t and r 3x1 or 1x3 [m]. r and t are counted as one likes, from the same point for all bones.
     """
-    return weight * (matrix.reshape(3, 3) * rest.reshape(3, 1) + translation.reshape(3, 1))
+    return weight * affine_position(matrix, translation, rest)

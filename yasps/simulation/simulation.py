@@ -413,10 +413,10 @@ class Simulation:
         return run_frames(self, frames, recorder)
 
     def check_intersection_free(self) -> None:
-        """Raises IntersectionError, with names, if surfaces cross or touch."""
+        """Raises IntersectionError, with names, if surfaces cross or touch, or something is in a half-space."""
         if self.contact is not None:
             with self.times.stage("check: no intersection"):
-                self.contact.geometry.check_intersection_free(self.contact.positions())
+                self.contact.check_intersection_free(self.contact.positions())
 
     # -- what is there now ---------------------------------------------------------------------------------
 
@@ -482,4 +482,5 @@ class Simulation:
         self.stepper.time, self.frame = float(state["time"]), int(state["frame"])
         if self.contact is not None:
             self.contact.reset()
-        self.stepper.remember({name.removeprefix(PAST): np.array(x) for name, x in state.items() if PAST in name})
+        past = {name: np.array(x) for name, x in state.items() if name.startswith(PAST)}
+        self.stepper.remember({name.removeprefix(PAST): x for name, x in past.items()})

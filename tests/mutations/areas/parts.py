@@ -131,8 +131,8 @@ MUTATIONS = (
     Mutation(
         "barycentric weights belong to other corners",
         "yasps/parameterisations/cage.py",
-        "np.column_stack([1 - later.sum(axis=1), later])",
-        "np.column_stack([later, 1 - later.sum(axis=1)])",
+        "np.concatenate([1 - later.sum(axis=-1, keepdims=True), later], axis=-1)",
+        "np.concatenate([later, 1 - later.sum(axis=-1, keepdims=True)], axis=-1)",
         (f"{WEIGHTS}::test_barycentric_weights_give_points_and_affine_maps_back",),
     ),
     Mutation(

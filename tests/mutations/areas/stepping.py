@@ -360,4 +360,11 @@ MUTATIONS = (
         "step = max(0.99 * step, smallest)",
         (f"{STATIC}::test_a_step_that_is_too_large_is_halved",),
     ),
+    Mutation(
+        "half-spaces are left out of the look after each frame",
+        "yasps/simulation/simulation.py",
+        "self.contact.check_intersection_free(self.contact.positions())",
+        "self.contact.geometry.check_intersection_free(self.contact.positions())",
+        (f"{SIMULATION}::test_what_is_in_a_half_space_is_seen_after_each_frame",),
+    ),
 )
