@@ -103,9 +103,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     options = parser.parse_args(arguments)
     simulation = masonry_arch(options.friction, options.stones)
     before = crown_height(simulation)
-    with FrameRecorder(
-        simulation, options.output, "masonry_arch", pictures=not options.no_pictures, ground_height=-BELOW
-    ) as files:
+    with FrameRecorder(simulation, options.output, "masonry_arch", pictures=not options.no_pictures) as files:
         simulation.run(options.frames, files)
     print(f"after {simulation.time:.2f} s the crown is {1e3 * (before - crown_height(simulation)):.2f} mm lower")
     return 0

@@ -66,11 +66,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     print(f"{len(shape.vertices)} vertices and {len(shape.tets)} tets each", file=sys.stderr)
     with times.stage("compile"):
         print(f"compile: {scene.compile_report}", file=sys.stderr)
-    # What the camera sees in all frames: x, y, z from, and to.
-    bounds = np.array([[-1.2, -1.5, 0.0], [1.8, 1.5, 2.75]]) * SIZE
-    with FrameRecorder(
-        simulation, options.output, "two_bunnies", pictures=not options.no_pictures, bounds=bounds
-    ) as files:
+    with FrameRecorder(simulation, options.output, "two_bunnies", pictures=not options.no_pictures) as files:
         simulation.run(options.frames, files)
     times.print(title=f"two_bunnies, {options.frames} frames, {time.perf_counter() - start:.1f} s")
     return 0
