@@ -38,7 +38,7 @@ KIT_ROOMS = {
     "bodies": {"materials", "meshes", "contact", "parameterisations"},
     "stepping": {"materials", "contact", "output"},
     "simulation": {"materials", "meshes", "output", "contact", "bodies", "stepping"},
-    "program": {"output", "bodies", "stepping", "simulation"},
+    "program": {"output", "stepping", "simulation"},
 }
 INSIDE = {
     "yasps.frontend.language.arrays",  # checks of arguments, with the messages that all of yasps has

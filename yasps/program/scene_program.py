@@ -5,13 +5,13 @@ from __future__ import annotations
 import argparse
 import sys
 import time
-from collections.abc import Callable, Sequence
-from typing import Any
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any, TypedDict, Unpack
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from yasps import Scene, SceneError, YaspsError, __version__
-from yasps.bodies import Ground, HalfSpace
 from yasps.output import FrameRecorder
 from yasps.program.options import Options, add_common, refuse
 from yasps.program.run_numbers import RunNumbers, numbers_of, size_of
@@ -24,6 +24,17 @@ JITTER = 1e-2
 
 class CheckFailedError(YaspsError):
     """A scene did not end as it must; the message says what is wrong, in numbers."""
+
+
+class Recording(TypedDict, total=False):
+    """Keywords of `FrameRecorder`."""
+
+    fields: Sequence[str]
+    colors: Mapping[str, str] | None
+    camera: str
+    view_direction: ArrayLike
+    bounds: ArrayLike | None
+    speed: float
 
 
 Build = Callable[[Options], Simulation]
@@ -93,8 +104,10 @@ class SceneProgram:
         """An empty scene on the device that was asked for; results are the same for any number of threads."""
         return Scene(self.name, device=options.device, threads=options.threads, deterministic=True)
 
-    def run(self, arguments: Sequence[str] | None, build: Build, check: Check) -> int:
+    def run(self, arguments: Sequence[str] | None, build: Build, check: Check, **recording: Unpack[Recording]) -> int:
         """Runs the program; progress goes to stderr, what was reached to stdout, its numbers to OUTPUT/NAME.json.
+
+        arguments: None for those of the process. recording: of `FrameRecorder`: what is shown, and from where.
 
         Returns 0, or 1 with a message on stderr if `check` raises CheckFailedError. Raises what `build` and
         `Simulation.run` raise.
@@ -111,13 +124,7 @@ class SceneProgram:
         if options.seed:
             jitter(simulation, options.seed)
         start_up = time.perf_counter() - begin
-        with FrameRecorder(
-            simulation,
-            options.output,
-            self.name,
-            pictures=not options.headless,
-            ground_height=_height_of_ground(simulation),
-        ) as files:
+        with FrameRecorder(simulation, options.output, self.name, pictures=not options.headless, **recording) as files:
             begin = time.perf_counter()
             reports = simulation.run(options.frames, files)
             running = time.perf_counter() - begin
@@ -148,16 +155,6 @@ def jitter(simulation: Simulation, seed: int) -> None:
         velocity = simulation.velocity_of(body)
         noise = random.uniform(-1.0, 1.0, velocity.shape) / np.sqrt(3.0)
         simulation.set_velocity(body, velocity + speed * noise)
-
-
-def _height_of_ground(simulation: Simulation) -> float | None:
-    """Of the first level ground [m]; None without one."""
-    for body in simulation.bodies:
-        if isinstance(body, Ground):
-            return body.height
-        if isinstance(body, HalfSpace) and body.plane.normal == (0.0, 0.0, 1.0):
-            return body.plane.point[2]
-    return None
 
 
 def _say(line: str) -> None:
