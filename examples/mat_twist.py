@@ -1,9 +1,9 @@
 """A square mat whose ends turn in opposite directions, until it folds and meets itself (the paper, E.1 and table 2).
 
-The mat is a sheet of rubber, 1 mm thick. The rows of vertices at its two ends turn about its long axis; nothing else acts,
-not even gravity. By half a turn of one end against the other its rims have come to the axis, and the mat meets itself;
-from then on it rolls up into a rope. The paper turns each end at 5 rad/s for 2000 steps; this scene turns faster, so that
-200 steps show all of that.
+The mat is a sheet of rubber, 1 mm thick. The rows of vertices at its two ends turn about its long axis; nothing else
+acts, not even gravity. By half a turn of one end against the other its rims have come to the axis, and the mat meets
+itself; from then on it rolls up into a rope. The paper turns each end at 5 rad/s for 2000 steps; this scene turns
+faster, so that 200 steps show all of that.
 """
 
 from __future__ import annotations

@@ -22,7 +22,7 @@ def test_the_check_sees_ends_that_turn_otherwise_and_a_mat_that_does_not_meet_it
     simulation = mat_twist.build(options)
     simulation.run(1)
     assert "turned by 0.04 rad against the other: it has not met itself" in mat_twist.check(simulation, options)
-    with pytest.raises(CheckFailedError, match="an end is .* from where it was turned to"):
+    with pytest.raises(CheckFailedError, match=r"an end is .* from where it was turned to"):
         mat_twist.check(simulation, mat_twist.PROGRAM.options(["--speed", "10"]))
     monkeypatch.setattr(mat_twist, "MEETS_ITSELF", 0.03)
     with pytest.raises(CheckFailedError, match=r"does not meet itself after a turn of 0\.04 rad"):
