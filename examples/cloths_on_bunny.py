@@ -39,6 +39,7 @@ THICKNESS = 1e-3  # m, of the cloths
 STRETCH, SHEAR, BENDING = 335570.47 * THICKNESS, 100607.11 * THICKNESS, 0.055 * THICKNESS  # J/m^2, J/m^2, J
 COMPRESSION = 0.01  # of the stretch stiffness where a cloth is shortened
 DISTANCE = 1e-3  # m, of activation
+STIFFNESS = {"log": 0.1 * YOUNGS_MODULUS, "paper": 1e10}  # Pa, J/m^4, of contact
 
 
 def bunny_shape(size: int, mesh: Path | None) -> TetrahedralMesh:
@@ -89,6 +90,7 @@ def build(options: argparse.Namespace) -> Simulation:
         time_step=options.dt,
         activation_distance=DISTANCE,
         barrier=options.barrier,
+        contact_stiffness=STIFFNESS[options.barrier],
         settings=NewtonSettings(velocity_tolerance=1e-2, max_iterations=500),
     )
     simulation.pin(cloths[0], corners_of(cloths[0]))
@@ -103,7 +105,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("--size", type=int, default=40, help="cells along each side of a cloth")
     parser.add_argument("--mesh", type=Path)
     parser.add_argument("--cloths", type=int, default=1, help="above the bunny (default 1)")
-    parser.add_argument("--barrier", choices=("log", "paper"), default="log")
+    parser.add_argument("--barrier", choices=tuple(STIFFNESS), default="log")
     parser.add_argument("--device", default="cpu")
     parser.add_argument("--threads", type=int)
     options = parser.parse_args(arguments)
