@@ -140,8 +140,8 @@ class MotionPictures:
         aspect = size[0] / size[1]
         ground = ground_body(series)
         self._drawn = [body for body in series.bodies if body.count and body is not ground]
-        height = None if ground is None else _height(series, ground)
-        self._cameras = _cameras(series, chosen, view, aspect, height)
+        height = None if ground is None else level_height(series, ground)
+        self._cameras = cameras(series, chosen, view, aspect, height)
         box = seen_box(series, chosen, view)
         diagonal = float(np.linalg.norm(box[1] - box[0])) or 1.0
         x = series.positions(chosen[0])
@@ -211,11 +211,11 @@ def sizes(values: Floats) -> Floats:
 
 def ground_body(series: Series) -> RecordedBody | None:
     """The lowest body that is level, looks up and stands still: the ground of pictures."""
-    level = [(height, body) for body in series.bodies if (height := _height(series, body)) is not None]
+    level = [(height, body) for body in series.bodies if (height := level_height(series, body)) is not None]
     return min(level, key=lambda one: one[0])[1] if level else None
 
 
-def _height(series: Series, body: RecordedBody) -> float | None:
+def level_height(series: Series, body: RecordedBody) -> float | None:
     """z of a level half-space or obstacle; None for any other body."""
     if body.plane is not None:
         return body.plane.point[2] if body.plane.normal[2] > 1 - 1e-9 else None
@@ -255,7 +255,7 @@ def _small_obstacles(series: Series, box: Floats) -> list[RecordedBody]:
     ]
 
 
-def _cameras(
+def cameras(
     series: Series, chosen: list[int], view: View, aspect: float, height: float | None
 ) -> list[tuple[Floats, Floats]]:
     """Eye and focus for each chosen frame."""

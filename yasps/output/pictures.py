@@ -19,7 +19,7 @@ from yasps.frontend.language.arrays import plain_array, real_numbers
 from yasps.output.camera import VIEW_ANGLE, box_corners, camera_position
 from yasps.output.picture_errors import PictureError, quiet, require_pictures
 from yasps.output.picture_ground import GroundLines, plane_square, shadow_texture
-from yasps.output.recorded_bodies import LIGHT_BLUE, RecordedPlane
+from yasps.output.recorded_bodies import DARKER, LIGHT_BLUE, RecordedPlane, dark_sectors
 from yasps.output.sharp_edges import split_at_creases, vertex_normals
 
 Points = npt.NDArray[np.float64]
@@ -264,7 +264,9 @@ class FramePictures:
             look = {"scalars": "value", "clim": (self._scale.low, self._scale.high), "cmap": _COLOR_MAP, **_SURFACE}
             look["show_scalar_bar"] = False
         elif surface.patterned:
-            mesh.cell_data["tone"] = _two_tones(vertices[triangles].mean(axis=1), pyvista.Color(surface.color).int_rgb)
+            dark = dark_sectors(vertices[triangles].mean(axis=1))
+            tones = np.array(pyvista.Color(surface.color).int_rgb) * np.where(dark, DARKER, 1.0)[:, None]
+            mesh.cell_data["tone"] = np.round(tones).astype(np.uint8)
             look = {"scalars": "tone", "rgb": True, **_SURFACE}
         elif surface.open:
             back = 0.55 * np.array(pyvista.Color(surface.color).float_rgb) + 0.45
@@ -300,17 +302,6 @@ _BAR: Final = {
     "n_labels": 5,
     "fmt": "%.3g",
 }
-
-
-def _two_tones(middles: Points, color: Sequence[int]) -> npt.NDArray[np.uint8]:
-    """The colour of each triangle: itself or darker, in turn from sector to sector, seen from the middle of all."""
-    off = middles - 0.5 * (middles.min(axis=0) + middles.max(axis=0))
-    reach = np.abs(off).max(axis=0)
-    thick = reach > 0.2 * reach.max()  # a disc has sectors, no layers
-    dark = (off[:, thick] > 1e-9 * reach.max()).sum(axis=1) % 2 == 1
-    tones = np.tile(np.array(color[:3], np.float64), (len(middles), 1))
-    tones[dark] *= 0.72
-    return np.round(tones).astype(np.uint8)
 
 
 def _checked_vertices(name: str, values: npt.ArrayLike, expected: int | None) -> Points:

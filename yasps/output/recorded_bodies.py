@@ -20,6 +20,9 @@ LIGHT_BLUE, DARK_PINK = PALETTE[:2]
 OBSTACLE_GREY: Final = "#a9adb6"
 """Colour of what stands still."""
 
+DARKER: Final = 0.72
+"""How much darker every other sector of a body is that moves as it is told: one sees it turn."""
+
 Ids = NDArray[np.int32]
 Floats = NDArray[np.float64]
 
@@ -124,6 +127,15 @@ class RecordedBody:
         """Whether its surface has a rim, so that both sides are to be seen."""
         sides = np.sort(self.triangles[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2), axis=1)
         return bool(len(sides)) and bool((np.unique(sides, axis=0, return_counts=True)[1] == 1).any())
+
+
+def dark_sectors(middles: Floats) -> NDArray[np.bool_]:
+    """Which triangles with these middles, [m, 3], are in a dark sector as seen from the middle of all, [m]: octants, or
+    quadrants of what is flat along an axis."""
+    off = middles - 0.5 * (middles.min(axis=0) + middles.max(axis=0))
+    reach = np.abs(off).max(axis=0)
+    thick = reach > 0.2 * reach.max()
+    return np.asarray((off[:, thick] > 1e-9 * reach.max()).sum(axis=1) % 2 == 1)
 
 
 def recorded_bodies(bodies: Sequence[Shown], colors: Mapping[str, str] | None = None) -> list[RecordedBody]:
