@@ -28,6 +28,7 @@ def chromium() -> str | None:
     found = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
     return found if shutil.which("chromedriver") else None
 
+
 _READY = "return document.body?.dataset.ready === 'yes' || document.getElementById('problem')?.hidden === false"
 
 

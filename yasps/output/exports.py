@@ -77,7 +77,11 @@ def _write_gltf(series: Series, path: Path, frame: int) -> Path:
     for surface in shown_surfaces(series, frame):
         color = [int(surface.body.color[k : k + 2], 16) for k in (1, 3, 5)]
         material = trimesh.visual.material.PBRMaterial(
-            baseColorFactor=[*color, 255], metallicFactor=0.0, roughnessFactor=0.7, doubleSided=surface.body.two_sided
+            baseColorFactor=[*color, round(255 * surface.body.opacity)],
+            alphaMode="OPAQUE" if surface.body.opacity == 1 else "BLEND",
+            metallicFactor=0.0,
+            roughnessFactor=0.7,
+            doubleSided=surface.body.two_sided,
         )
         x, y, z = surface.vertices.T
         mesh = trimesh.Trimesh(

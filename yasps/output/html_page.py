@@ -58,16 +58,18 @@ class Page:
     Attributes:
         path: of the file.
         frames: numbers of the frames in it.
+        total: how many the results file has.
         megabytes: its size.
     """
 
     path: Path
     frames: list[int]
+    total: int
     megabytes: float
 
 
 def write_page(
-    file: str | os.PathLike[str] | Series, path: str | os.PathLike[str], *, megabytes: float = 20.0, stride: int = 1
+    file: str | os.PathLike[str] | Series, path: str | os.PathLike[str], *, megabytes: float = 20.0, every: int = 1
 ) -> Page:
     """Writes a page that shows a results file in a browser, without any network.
 
@@ -75,7 +77,7 @@ def write_page(
         file: that a `FrameRecorder` wrote, or a series that is open.
         path: ends in `.html`.
         megabytes: of the page at most; frames are left out until it is no larger, evenly but for the last.
-        stride: take every so many-th frame to begin with.
+        every: take every so many-th frame to begin with.
 
     Raises:
         OutputFileError: no such series, another ending, a page that can't be written, or one that is larger with
@@ -84,15 +86,13 @@ def write_page(
     path = Path(path)
     if path.suffix.lower() not in (".html", ".htm"):
         raise OutputFileError(f"The page '{path.name}' must end in '.html'.")
-    if stride < 1 or not megabytes > 0:
-        raise OutputFileError(
-            f"stride is a whole number from 1 and megabytes is positive, got {stride} and {megabytes}."
-        )
+    if every < 1 or not megabytes > 0:
+        raise OutputFileError(f"every is a whole number from 1 and megabytes is positive, got {every} and {megabytes}.")
     series = file if isinstance(file, Series) else read_series(file)
     bodies = [body for body in series.bodies if body.count and body is not ground_body(series)]
     seen = _SeenVertices(series, bodies)
     while True:
-        frames = list(dict.fromkeys([*range(0, len(series), stride), len(series) - 1]))
+        frames = list(dict.fromkeys([*range(0, len(series), every), len(series) - 1]))
         text = _page_text(series, bodies, seen, frames)
         if len(text) <= 1e6 * megabytes:
             break
@@ -101,12 +101,12 @@ def write_page(
                 f"A page with {len(frames)} frames of '{series.path.name}' has {len(text) / 1e6:.1f} MB, more than "
                 f"{megabytes:g}. Allow it more megabytes, or export the file as USD."
             )
-        stride = max(stride + 1, int(stride * len(text) / (1e6 * megabytes)))
+        every = max(every + 1, int(every * len(text) / (1e6 * megabytes)))
     try:
         path.write_text(text, encoding="utf-8")
     except OSError as error:
         raise OutputFileError(f"The page '{path}' can't be written: {error}") from error
-    return Page(path, frames, len(text) / 1e6)
+    return Page(path, frames, len(series), len(text) / 1e6)
 
 
 class _SeenVertices:
@@ -184,6 +184,7 @@ def _told_body(body: RecordedBody, x: Floats, seen: _SeenVertices, placed: Any, 
     return {
         "name": body.name,
         "color": body.color,
+        "opacity": body.opacity,
         "open": body.two_sided,
         "source": placed(seen.number(body.first + source)),
         "triangles": placed(triangles),

@@ -101,6 +101,7 @@ def _define(
     for name, _, kind in parts:
         prim = kind.Define(stage, path if len(parts) == 1 else f"{path}/{name}")
         prim.CreateDisplayColorAttr([_linear(body.color)])
+        prim.CreateDisplayOpacityAttr([body.opacity])
         if name == "surface":
             rows = np.unique(body.triangles).astype(np.int64)
             corners = np.searchsorted(rows, body.triangles).ravel().astype(np.int32)

@@ -49,6 +49,11 @@ const palette = Array.from({ length: 256 }, (_, k) => toneOf(k / 255));
 
 // -- bodies -----------------------------------------------------------------------------------------------
 
+function look(body) {
+  const clear = body.opacity < 1;
+  return { color: body.color, roughness: 0.62, opacity: body.opacity, transparent: clear, depthWrite: !clear };
+}
+
 class Surface {
   constructor(body) {
     this.source = part(body.source);
@@ -59,7 +64,7 @@ class Surface {
     this.geometry.setAttribute("color", this.colours);
     this.geometry.setIndex(new THREE.BufferAttribute(new Uint32Array(part(body.triangles)), 1));
     const side = body.open ? THREE.DoubleSide : THREE.FrontSide;
-    this.material = new THREE.MeshStandardMaterial({ color: body.color, roughness: 0.62, side });
+    this.material = new THREE.MeshStandardMaterial({ ...look(body), side });
     this.dark = this.material.clone();
     const [all, dark] = [body.triangles[1], 3 * body.dark];
     this.geometry.addGroup(0, all - dark, 0);
@@ -98,7 +103,7 @@ class Rods {
     this.edges = part(body.edges);
     this.balls = part(body.balls);
     this.radii = new Map(Array.from(this.balls, (vertex, k) => [vertex, body.radii[k]]));
-    this.material = new THREE.MeshStandardMaterial({ color: body.color, roughness: 0.62 });
+    this.material = new THREE.MeshStandardMaterial(look(body));
     const count = this.edges.length / 2;
     const cylinder = new THREE.CylinderGeometry(1, 1, 1, 12, 1, true);
     this.tubes = new THREE.InstancedMesh(cylinder, this.material, count);
@@ -149,7 +154,7 @@ class Body {
     if (body.balls[1]) this.shapes.push(new Rods(body));
     this.object = new THREE.Group();
     for (const mesh of this.shapes.flatMap((shape) => shape.meshes)) {
-      mesh.castShadow = mesh.receiveShadow = true;
+      mesh.castShadow = mesh.receiveShadow = body.opacity === 1;
       mesh.frustumCulled = false; // its bounds are those of the first frame
       this.object.add(mesh);
     }
@@ -373,7 +378,7 @@ window.addEventListener("keydown", (event) => {
 window.addEventListener("resize", resize);
 controls.addEventListener("change", draw);
 bodies.forEach((body) => body.colourBy(field));
+show(0); // first, because three.js compiles what it draws for the attributes that are there
 placeCamera();
 resize();
-show(0);
 document.body.dataset.ready = "yes";
