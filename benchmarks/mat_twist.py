@@ -4,9 +4,15 @@ from __future__ import annotations
 
 import time
 from collections import Counter
+from collections.abc import Callable
 from dataclasses import dataclass, field
+from typing import TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
 
 from benchmarks.measure import Report, Row, Settings
+from yasps.contact import CollisionGeometry
 from yasps.examples import mat_twist
 from yasps.frontend.commands.environment_report import cpu_model
 from yasps.output import TimeTable
@@ -18,6 +24,8 @@ DEFAULT_SIZE = 2_500
 TIMES_AS_MANY = (1, 4, 25)
 SPEED = 20.0  # rad/s of each end: the mat meets itself in about the 60th frame
 FRAMES_PER_ROUND = 2
+Positions = NDArray[np.float64]
+Found = TypeVar("Found")
 SOLVER = "linear solver"
 NOTES = (
     "--size N: vertices of the smallest mat; 10,000 makes three rows of the paper's table 2, of 10,000, 40,000 and "
@@ -25,6 +33,9 @@ NOTES = (
     "apart: frames without contacts; touching: the others. us/vertex: processor time (of all threads) of a call of the "
     "stage, mean; of the linear solver of an iteration of conjugate gradients; `other` is what is in no stage, of a "
     "Newton iteration. x: that over the smallest mat's.",
+    "contact: CCD has the search for candidates in it only where earlier ones do not serve any more, and that is more "
+    "often on finer mats, whose activation distance is smaller. `of a whole step`: each of its parts alone, on the "
+    "way from the beginning of the step to its end.",
 )
 
 
@@ -51,6 +62,20 @@ class Phase:
             self.calls[row.stage] += row.calls
         self.calls[SOLVER], self.calls[TimeTable.OTHER] = self.cg, self.newton
 
+    def add_searches(self, geometry: CollisionGeometry, start: Positions, end: Positions) -> None:
+        """Times the parts of collision detection on the way of a step."""
+
+        def timed(part: str, work: Callable[[], Found]) -> Found:
+            begin = time.process_time()
+            found = work()
+            stage = f"{part} of a whole step"
+            self.seconds[stage] += time.process_time() - begin
+            self.calls[stage] += 1
+            return found
+
+        candidates = timed("candidates", lambda: geometry.candidates(start, end))
+        timed("step bound", lambda: geometry.step_bound(start, end, candidates))
+
     def cost(self, stage: str) -> float:
         """Of a call [us/vertex]."""
         return 1e6 * self.seconds[stage] / self.calls[stage] / self.vertices
@@ -71,15 +96,22 @@ def run(settings: Settings) -> Report:
 
 def twist(settings: Settings, size: int) -> dict[str, Phase]:
     """The frames of a mat of about so many vertices."""
-    options = mat_twist.PROGRAM.options(["--size", str(size), "--speed", str(SPEED), "--threads", str(settings.threads)])
+    options = mat_twist.PROGRAM.options(
+        ["--size", str(size), "--speed", str(SPEED), "--threads", str(settings.threads)]
+    )
     simulation = mat_twist.build(options)
     simulation.scene.compile()
     vertices = len(simulation.moving[0].rest)
     phases = {"apart": Phase(vertices), "touching": Phase(vertices)}
+    contact = simulation.contact
+    assert contact is not None
     for _ in range(FRAMES_PER_ROUND * settings.repeats):
+        start = contact.positions()
         simulation.stepper.times = times = TimeTable(clock=time.process_time)
         report = simulation.step()
-        phases["touching" if report.contacts else "apart"].add(report, times)
+        phase = phases["touching" if report.contacts else "apart"]
+        phase.add(report, times)
+        phase.add_searches(contact.geometry, start, contact.positions())
     return phases
 
 

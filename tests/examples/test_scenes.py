@@ -11,6 +11,7 @@ import pytest
 from yasps.frontend.commands.command_line import find_examples
 
 SCENES: dict[str, list[str]] = {
+    "bunnies_in_container": ["--size", "2", "--affine", "1", "--frames", "8"],
     "card_house": ["--size", "1", "--frames", "3"],
     "dominoes": ["--size", "3", "--frames", "90"],
     "masonry_arch": ["--size", "3", "--frames", "12", "--friction", "0"],
