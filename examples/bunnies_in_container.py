@@ -1,7 +1,7 @@
 """Soft bunnies fall into a glass container, as many as you like, some of them stiff (the paper, 10.2 and E.2).
 
 Four bunnies are in each layer, turned at random. `--affine 1` makes one of them an affine body: contact is the same
-energy over the UNION of all vertices then, with twelve unknowns behind the vertices of that bunny. With the paper's mesh
+energy over the UNION of all vertices then, with twelve unknowns behind those of that bunny. With the paper's mesh
 (`--mesh bunny_19k.msh`) `--size 6` to 10 are the rows of its table 3.
 """
 
@@ -117,7 +117,7 @@ def check(simulation: Simulation, options: Options) -> str:
         raise CheckFailedError(f"the bunnies move with {motion:.6g} J, but only {fallen:.6g} J came from falling")
     return (
         f"after {simulation.time:.2f} s all {len(simulation.moving)} bunnies are in the container; of {fallen:.3g} J"
-        f" from falling {motion:.3g} J are left as motion, and the flattest tetrahedron has {flattest:.2f} of its volume"
+        f" from falling {motion:.3g} J are left as motion; the flattest tetrahedron has {flattest:.2f} of its volume"
     )
 
 
