@@ -15,6 +15,7 @@ from yasps.program import CheckFailedError
 DIAGONAL = 1.0  # m, of the box around a bunny
 CLOTH = "cloth_0"
 GRAVITY = 9.8  # m/s^2
+VIEW = (0.35, -1.0, 0.75)  # from the scene towards the camera
 
 
 class Thing(Protocol):
@@ -36,6 +37,11 @@ def bunny_shape(size: int, mesh: Path | None) -> TetrahedralMesh:
         shape = rabbit(max(1500, round(1.9 * size**2)))
     low, high = shape.bounds
     return shape.translated(-0.5 * (low + high)).scaled(DIAGONAL / float(np.linalg.norm(high - low)))
+
+
+def place_of_bunny(number: int) -> tuple[float, float, float]:
+    """Of the middle of one of many bunnies [m]: two beside each other, the next two above them."""
+    return 0.4 * (-1) ** (number + number // 2), 0.0, 0.8 + 0.9 * (number // 2)
 
 
 def cloth_corners(cells: int) -> list[int]:

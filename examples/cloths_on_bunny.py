@@ -20,7 +20,7 @@ import sys
 from collections.abc import Sequence
 
 from yasps.bodies import Cloth, SoftBody
-from yasps.examples.bunnies_and_cloth import bunny_shape, check_end, cloth_corners
+from yasps.examples.bunnies_and_cloth import VIEW, bunny_shape, check_end, cloth_corners
 from yasps.meshes import cloth_grid
 from yasps.program import Options, SceneProgram
 from yasps.simulation import Simulation
@@ -93,6 +93,7 @@ def build(options: Options) -> Simulation:
     return simulation
 
 
+# --- Output ---
 def check(simulation: Simulation, options: Options) -> str:
     """See `check_end`."""
     masses = {body.name: body.mass.value for body in simulation.bodies}
@@ -101,7 +102,7 @@ def check(simulation: Simulation, options: Options) -> str:
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Entry point of `yasps run cloths_on_bunny`."""
-    return PROGRAM.run(arguments, build, check)
+    return PROGRAM.run(arguments, build, check, view_direction=VIEW)
 
 
 if __name__ == "__main__":
