@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import argparse
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Protocol
@@ -27,6 +28,13 @@ class Thing(Protocol):
 
     def positions(self) -> NDArray[np.float64]:
         """[n, 3]."""
+
+
+def number_of(text: str) -> int:
+    """A number of bodies, of a flag. Raises argparse.ArgumentTypeError."""
+    if not text.isdecimal():
+        raise argparse.ArgumentTypeError(f"it is a number of bodies, 0 or more, got {text!r}")
+    return int(text)
 
 
 def bunny_shape(size: int, mesh: Path | None) -> TetrahedralMesh:
@@ -75,8 +83,9 @@ def check_end(things: Sequence[Thing], masses: Mapping[str, NDArray[np.float64]]
         raise CheckFailedError(f"the motion has {motion:.6g} J, but only {fallen:.6g} J came from falling")
     lowest = float((cloth.positions() - cloth.rest)[:, 2].min())
     return (
-        f"{len(things) - 1} bodies are above the cloth, which hangs {-lowest:.2f} m deep from its corners; of {fallen:.3g}"
-        f" J from falling {motion:.3g} J are left as motion, and the flattest tetrahedron has {worst:.2f} of its volume"
+        f"{len(things) - 1} bodies are above the cloth, which hangs {-lowest:.2f} m deep from its corners;"
+        f" {motion:.3g} J of {fallen:.3g} J from falling are left as motion, and the flattest tetrahedron has"
+        f" {worst:.2f} of its volume"
     )
 
 

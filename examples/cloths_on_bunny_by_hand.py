@@ -2,8 +2,8 @@
 
 Every line of `cloths_on_bunny --barrier paper` that the kit stands for. Beside the language (`yasps`) there are meshes
 (`yasps.meshes`) and, as the paper takes these from elsewhere, too, which pairs of the surface are close and how far a
-step may go (`CollisionGeometry`). `World` takes bodies whatever parameterises them: those of `many_bunnies_on_cloth` and
-`caged_bunny` are added without a change here.
+step may go (`CollisionGeometry`). `World` takes bodies whatever parameterises them: many_bunnies_on_cloth_by_hand and
+caged_bunny_by_hand bring theirs without a change here.
 """
 
 from __future__ import annotations
@@ -17,30 +17,17 @@ from numpy.typing import NDArray
 
 from yasps import Attribute, Mesh, NotConvergedError, Primitive, PrimitiveUnion, Scene, concat_rows, select
 from yasps.contact import CollisionGeometry
-from yasps.examples.bunnies_and_cloth import GRAVITY, bunny_shape, check_end, cloth_corners
-from yasps.examples.cloths_on_bunny import (
-    BENDING,
-    COMPRESSION,
-    DISTANCE,
-    LIFT,
-    MASS,
-    POISSON_RATIO,
-    SHEAR,
-    STIFFNESS,
-    STRETCH,
-    TOLERANCE,
-    UPPER_WIDTH,
-    WIDTH,
-    YOUNGS_MODULUS,
-)
+from yasps.examples import cloths_on_bunny as kit
+from yasps.examples.bunnies_and_cloth import GRAVITY, bunny_shape, check_end, cloth_corners, number_of
 from yasps.meshes import TetrahedralMesh, TriangleMesh, cloth_grid, hinge_stiffness, hinges_of, triangle_vertex_masses
 from yasps.output import FrameRecorder
 from yasps.program import Options, SceneProgram
 
-# --- Setup ---
 Floats = NDArray[np.float64]
 Ids = NDArray[np.int32]
-KAPPA = STIFFNESS["paper"]  # J/m^4
+KAPPA = kit.STIFFNESS["paper"]  # J/m^4
+
+# --- Program ---
 PROGRAM = SceneProgram(
     "cloths_on_bunny_by_hand",
     __doc__,
@@ -50,9 +37,10 @@ PROGRAM = SceneProgram(
     size_means="cells along each side of a cloth; the rabbit is about as fine",
     mesh_means="tetrahedral mesh with y up, instead of the rabbit",
 )
-PROGRAM.add_argument("--cloths", type=int, default=1, metavar="N", help="how many fall on the bunny (1)")
+PROGRAM.add_argument("--cloths", type=number_of, default=1, metavar="N", help="how many fall on the bunny (1)")
 
 
+# --- Integration ---
 @dataclass(eq=False)
 class Body:
     """A mesh with a primitive `vertices`, which has `position`, `rest_position`, `mass` and `predicted`."""
@@ -63,16 +51,12 @@ class Body:
     targets: list[Attribute]
     triangles: Ids  # the surface
     cells: Mapping[str, Ids]
+    rest: Floats  # [n, 3], in m
     meets_itself: bool = True
     fixed: dict[Attribute, NDArray[np.bool_]] = field(default_factory=dict)  # instances of targets
     edges: Ids = field(default_factory=lambda: np.empty((0, 2), np.int32))
     points: Ids = field(default_factory=lambda: np.empty(0, np.int32))
     stands_still: bool = False
-
-    @property
-    def rest(self) -> Floats:
-        """[n, 3], in m."""
-        return self.vertices["rest_position"].compute().array.reshape(-1, 3)
 
     def positions(self) -> Floats:
         """[n, 3], in m."""
@@ -83,7 +67,6 @@ class Body:
         return np.zeros(self.vertices.num_instances)
 
 
-# --- Integration ---
 def add_free_vertices(scene: Scene, name: str, x: Floats, mass: Floats) -> tuple[Mesh, Primitive, Attribute]:
     """A mesh whose vertices are its unknowns."""
     mesh = scene.add_mesh(name)
@@ -95,9 +78,9 @@ def add_free_vertices(scene: Scene, name: str, x: Floats, mass: Floats) -> tuple
 
 
 def add_soft_bunny(
-    scene: Scene, name: str, shape: TetrahedralMesh, *, mass: float, youngs_modulus: float, poisson_ratio: float
+    scene: Scene, name: str, shape: TetrahedralMesh, *, mass: float, moduli: tuple[float, float]
 ) -> Body:
-    """Stable Neo-Hookean tetrahedra."""
+    """Stable Neo-Hookean tetrahedra. moduli: Young's modulus [Pa] and Poisson's ratio."""
     masses = shape.vertex_masses(mass / float(shape.volumes().sum()))
     mesh, vertices, position = add_free_vertices(scene, name, shape.vertices, masses)
     tets = mesh.add_primitive("tets", num_instances=len(shape.tets))
@@ -107,13 +90,17 @@ def add_soft_bunny(
     inverse = tets.add_constant("inverse", 3, 3, value=np.linalg.inv(edges))
     volume = tets.add_constant("volume", 1, 1, value=shape.volumes())
     deformation = concat_rows([x.row(k) - x.row(0) for k in (1, 2, 3)]).T * inverse
-    elastic = volume * stable_neo_hookean(deformation, youngs_modulus, poisson_ratio)
+    elastic = volume * stable_neo_hookean(deformation, *moduli)
     scene.add_energy(tets.add_attribute("elastic", computed_attribute=elastic))
-    return Body(name, mesh, vertices, [position], shape.surface_triangles(), {"tetra": shape.tets})
+    return Body(name, mesh, vertices, [position], shape.surface_triangles(), {"tetra": shape.tets}, shape.vertices)
 
 
-def add_cloth(scene: Scene, name: str, shape: TriangleMesh, *, mass: float, stretch: float, bending: float) -> Body:
-    """Baraff-Witkin triangles, level at rest, and hinges between them."""
+def add_cloth(
+    scene: Scene, name: str, shape: TriangleMesh, mass: float, stiffness: tuple[float, float, float], *, is_held: bool
+) -> Body:
+    """Baraff-Witkin triangles, level at rest, and hinges between them. stiffness: to stretch and shear [J/m^2] and of
+    bending [J]; is_held: by its corners."""
+    stretch, shear, bending = stiffness
     vertices_at_rest, triangles = shape
     corners_at_rest = vertices_at_rest[triangles][:, :, :2]
     edges = (corners_at_rest[:, 1:] - corners_at_rest[:, :1]).swapaxes(1, 2)
@@ -125,15 +112,19 @@ def add_cloth(scene: Scene, name: str, shape: TriangleMesh, *, mass: float, stre
     x = faces.add_attribute("positions", through=corners, source=position)
     inverse = faces.add_constant("inverse", 2, 2, value=np.linalg.inv(edges))
     deformation = concat_rows([x.row(k) - x.row(0) for k in (1, 2)]).T * inverse
-    membrane = faces.add_constant("area", 1, 1, value=area) * baraff_witkin(deformation, stretch)
+    membrane = faces.add_constant("area", 1, 1, value=area) * baraff_witkin(deformation, stretch, shear)
     scene.add_energy(faces.add_attribute("membrane", computed_attribute=membrane))
     ids = hinges_of(triangles)
     hinges = mesh.add_primitive("hinges", num_instances=len(ids))
     ends = hinges.add_connectivity("corners", vertices, ids, 4)
     x = hinges.add_attribute("positions", through=ends, source=position)
-    stiffness = hinges.add_constant("stiffness", 1, 1, value=hinge_stiffness(vertices_at_rest, ids, bending))
-    scene.add_energy(hinges.add_attribute("bending", computed_attribute=stiffness * bent(x)))
-    return Body(name, mesh, vertices, [position], triangles, {"triangle": triangles})
+    of_hinges = hinges.add_constant("stiffness", 1, 1, value=hinge_stiffness(vertices_at_rest, ids, bending))
+    scene.add_energy(hinges.add_attribute("bending", computed_attribute=of_hinges * bent(x)))
+    cloth = Body(name, mesh, vertices, [position], triangles, {"triangle": triangles}, vertices_at_rest)
+    if is_held:
+        is_fixed = np.isin(np.arange(len(vertices_at_rest)), cloth_corners(round(len(vertices_at_rest) ** 0.5) - 1))
+        cloth.fixed[position] = is_fixed
+    return cloth
 
 
 # --- Energy definition ---
@@ -155,12 +146,12 @@ def stable_neo_hookean(f: Attribute, youngs_modulus: float, poisson_ratio: float
     return 0.5 * mu * (stretch - 3 - (stretch + 1).log()) + 0.5 * lam * dilation * dilation
 
 
-def baraff_witkin(f: Attribute, stretch: float) -> Attribute:
+def baraff_witkin(f: Attribute, stretch: float, shear: float) -> Attribute:
     """Of a deformation gradient, 3x2 [J/m^2]."""
     warp, weft = f.col(0), f.col(1)
     strains = [thread.norm() - 1 for thread in (warp, weft)]
-    resisting = [select(strain < 0, COMPRESSION, 1.0) * strain * strain for strain in strains]
-    return stretch * (resisting[0] + resisting[1]) + SHEAR * warp.dot(weft) ** 2
+    resisting = [select(strain < 0, kit.COMPRESSION, 1.0) * strain * strain for strain in strains]
+    return stretch * (resisting[0] + resisting[1]) + shear * warp.dot(weft) ** 2
 
 
 def bent(x: Attribute) -> Attribute:
@@ -215,7 +206,7 @@ def add_barrier(mesh: Mesh, vertices: PrimitiveUnion, kind: str) -> Primitive:
     pairs = mesh.add_primitive(kind, 0, is_dynamic=True)
     corners = pairs.add_connectivity("vertices", vertices, [], arity)
     x = pairs.add_attribute("positions", through=corners, source=vertices["position"])
-    distance, reach = squared_distance(x), DISTANCE**2
+    distance, reach = squared_distance(x), kit.DISTANCE**2
     energy = pairs.add_constant("weight", 1, 1) * KAPPA * ((distance - reach) * (distance / reach).log()) ** 2
     if ends is not None:
         rest = pairs.add_attribute("rest_positions", through=corners, source=vertices["rest_position"])
@@ -235,19 +226,21 @@ class World:
     def __init__(self, scene: Scene, bodies: Sequence[Body]) -> None:
         """At rest."""
         self.scene, self.bodies, self.time = scene, list(bodies), 0.0
+        self.tolerance, self.linear_tolerance = kit.TOLERANCE, 1e-4  # m/s; of the squared preconditioned norm
         self.targets = [target for body in bodies for target in body.targets]
         scene.add_minimize_target(self.targets)
         self.fixed = {target: instances for body in bodies for target, instances in body.fixed.items()}
         self.velocities = [np.zeros_like(body.rest) for body in bodies]
         everything = scene.add_mesh("everything")
         union = everything.add_primitive_union("vertices", [body.vertices for body in bodies])
-        self.position, rest = union.add_attribute("position"), union.add_attribute("rest_position")
+        self.position = union.add_attribute("position")
+        union.add_attribute("rest_position")
         self.pairs = {kind: add_barrier(everything, union, kind) for kind in KINDS}
         groups = [-1 if body.meets_itself else number for number, body in enumerate(bodies)]
         self.geometry = CollisionGeometry(
-            rest.compute().array.reshape(-1, 3),
+            np.concatenate([body.rest for body in bodies]),
             np.concatenate([body.triangles + start for body, start in zip(bodies, union.offsets(), strict=False)]),
-            DISTANCE,
+            kit.DISTANCE,
             group=np.repeat(groups, [len(body.rest) for body in bodies]),
         )
         self.geometry.check_intersection_free(self.positions())
@@ -277,9 +270,9 @@ class World:
         for iteration in range(1, 501):
             starts, here = [target.value for target in self.targets], self.positions()
             energy = self.energy(here)
-            uphill = self.scene.minimize_energy(fixed=self.fixed)
+            uphill = self.scene.minimize_energy(self.linear_tolerance, fixed=self.fixed)
             there = self.move(starts, uphill, 1.0)
-            is_last = bool(np.linalg.norm(there - here, axis=1).max() < TOLERANCE * dt)
+            is_last = bool(np.linalg.norm(there - here, axis=1).max() < self.tolerance * dt)
             length = self.geometry.step_bound(here, there, start_is_free=True)
             while self.energy(self.move(starts, uphill, length)) > energy + 1e-15 * abs(energy):
                 length /= 2
@@ -291,7 +284,7 @@ class World:
                 return iteration
         raise NotConvergedError("no convergence in 500 Newton iterations")
 
-    # --- Output ---
+    # --- Program ---
     contact = None
 
     def velocity_of(self, body: Body) -> Floats:
@@ -305,34 +298,28 @@ class World:
 
 
 # --- Initialisation ---
-def hold_corners(cloth: Body, cells: int) -> None:
-    """Fixes the four corners of a cloth."""
-    is_fixed = np.zeros(cloth.vertices.num_instances, np.bool_)
-    is_fixed[cloth_corners(cells)] = True
-    cloth.fixed[cloth.targets[0]] = is_fixed
-
-
 def build(options: Options) -> World:
     """The bunny between the lower cloth and the others."""
     scene = PROGRAM.scene(options)
     scene.add_constant("time_step", 1, 1, value=options.dt)
-    shape = bunny_shape(options.size, options.mesh).translated((0.0, 0.0, LIFT))
-    bodies = [
-        add_soft_bunny(scene, "bunny", shape, mass=MASS, youngs_modulus=YOUNGS_MODULUS, poisson_ratio=POISSON_RATIO)
-    ]
+    shape = bunny_shape(options.size, options.mesh).translated((0.0, 0.0, kit.LIFT))
+    bodies = [add_soft_bunny(scene, "bunny", shape, mass=kit.MASS, moduli=(kit.YOUNGS_MODULUS, kit.POISSON_RATIO))]
     for number in range(options.cloths + 1):
-        width, height = (UPPER_WIDTH, 2.0 * number - 0.2) if number else (WIDTH, 0.0)
+        width, height = (kit.UPPER_WIDTH, 2.0 * number - 0.2) if number else (kit.WIDTH, 0.0)
         sheet = cloth_grid((width, width), (options.size, options.size), height)
-        bodies.append(add_cloth(scene, f"cloth_{number}", sheet, mass=MASS, stretch=STRETCH, bending=BENDING))
-    hold_corners(bodies[1], options.size)
+        stiffness = kit.STRETCH, kit.SHEAR, kit.BENDING
+        bodies.append(add_cloth(scene, f"cloth_{number}", sheet, kit.MASS, stiffness, is_held=number == 0))
     return World(scene, bodies)
 
 
-# --- Output ---
+# --- Program ---
 def run(program: SceneProgram, arguments: Sequence[str] | None, build: Callable[[Options], World]) -> int:
     """All steps, the results file, and the check of the end."""
     options = program.options(arguments)
     world = build(options)
+    if options.seed:  # each vertex moves by at most a hundredth of the activation distance in the first step
+        random, speed = np.random.default_rng(options.seed), 1e-2 * kit.DISTANCE / options.dt / np.sqrt(3.0)
+        world.velocities = [speed * random.uniform(-1.0, 1.0, velocity.shape) for velocity in world.velocities]
     with FrameRecorder(world, options.output, program.name, pictures=not options.headless) as files:
         files.record(world)
         iterations = 0

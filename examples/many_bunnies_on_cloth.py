@@ -10,9 +10,10 @@ from __future__ import annotations
 import sys
 from collections.abc import Sequence
 
-from yasps.bodies import AffineBody, Body, Cloth, SoftBody
-from yasps.examples.bunnies_and_cloth import VIEW, bunny_shape, check_end, cloth_corners, place_of_bunny
-from yasps.meshes import cloth_grid
+from yasps import Scene
+from yasps.bodies import AffineBody, Cloth, SoftBody
+from yasps.examples.bunnies_and_cloth import VIEW, bunny_shape, check_end, cloth_corners, number_of, place_of_bunny
+from yasps.meshes import TetrahedralMesh, cloth_grid
 from yasps.program import Options, SceneProgram
 from yasps.simulation import Simulation
 from yasps.stepping import NewtonSettings
@@ -29,6 +30,7 @@ DISTANCE = 1e-3  # m, of activation
 STIFFNESS = {"log": 0.1 * YOUNGS_MODULUS, "paper": 1e10}  # Pa and J/m^4, of contact
 TOLERANCE = 1e-2  # m/s, of Newton's method
 
+# --- Program ---
 PROGRAM = SceneProgram(
     "many_bunnies_on_cloth",
     __doc__,
@@ -38,43 +40,54 @@ PROGRAM = SceneProgram(
     size_means="cells along each side of the cloth; the rabbits are about as fine",
     mesh_means="tetrahedral mesh with y up, instead of the rabbit",
 )
-PROGRAM.add_argument("--bunnies", type=int, default=4, metavar="N", help="how many, soft and stiff in turn (4)")
+PROGRAM.add_argument("--bunnies", type=number_of, default=4, metavar="N", help="how many, soft and stiff in turn (4)")
 PROGRAM.add_argument("--barrier", choices=tuple(STIFFNESS), default="log", help="of contact (log)")
 
 
-def build(options: Options) -> Simulation:
-    """The bunnies above the cloth."""
-    scene = PROGRAM.scene(options)
-    shape = bunny_shape(options.size, options.mesh)
-    # --- Integration ---
-    bunnies: list[Body] = []
-    for number in range(options.bunnies):
-        placed = shape.translated(place_of_bunny(number))
-        if number % 2 == 1:
-            density = STIFF_MASS / float(shape.volumes().sum())
-            stiff = AffineBody(scene, f"stiff_{number}", placed, density=density, youngs_modulus=STIFF_MODULUS)
-            bunnies.append(stiff)
-            continue
-        bunny = SoftBody(
-            scene,
-            f"soft_{number}",
-            placed,
-            density=MASS / float(shape.volumes().sum()),
-            youngs_modulus=YOUNGS_MODULUS,
-            poisson_ratio=POISSON_RATIO,
-        )
-        bunnies.append(bunny)
-    cloth = Cloth(
+# --- Integration ---
+def add_soft_bunny(scene: Scene, name: str, shape: TetrahedralMesh) -> SoftBody:
+    """Stable Neo-Hookean tetrahedra."""
+    return SoftBody(
         scene,
-        "cloth_0",
-        cloth_grid((WIDTH, WIDTH), (options.size, options.size)),
-        area_density=MASS / WIDTH**2,
+        name,
+        shape,
+        density=MASS / float(shape.volumes().sum()),
+        youngs_modulus=YOUNGS_MODULUS,
+        poisson_ratio=POISSON_RATIO,
+    )
+
+
+def add_cloth(scene: Scene, name: str, width: float, height: float, cells: int) -> Cloth:
+    """A level square of so many cells along each side."""
+    return Cloth(
+        scene,
+        name,
+        cloth_grid((width, width), (cells, cells), height),
+        area_density=MASS / width**2,
         stretch=STRETCH,
         shear=SHEAR,
         bending=BENDING,
         compression=COMPRESSION,
     )
-    # --- Collision ---
+
+
+def add_stiff_bunny(scene: Scene, name: str, shape: TetrahedralMesh) -> AffineBody:
+    """An affine body."""
+    density = STIFF_MASS / float(shape.volumes().sum())
+    return AffineBody(scene, name, shape, density=density, youngs_modulus=STIFF_MODULUS)
+
+
+# --- Initialisation ---
+def build(options: Options) -> Simulation:
+    """The bunnies above the cloth."""
+    scene = PROGRAM.scene(options)
+    shape = bunny_shape(options.size, options.mesh)
+    bunnies = []
+    for number in range(options.bunnies):
+        add_bunny = add_stiff_bunny if number % 2 else add_soft_bunny
+        bunnies.append(add_bunny(scene, f"bunny_{number}", shape.translated(place_of_bunny(number))))
+    cloth = add_cloth(scene, "cloth_0", WIDTH, 0.0, options.size)
+    # --- Newton iteration ---
     simulation = Simulation(
         scene,
         [*bunnies, cloth],
@@ -89,7 +102,7 @@ def build(options: Options) -> Simulation:
     return simulation
 
 
-# --- Output ---
+# --- Program ---
 def check(simulation: Simulation, options: Options) -> str:
     """See `check_end`."""
     masses = {body.name: body.mass.value for body in simulation.bodies}
