@@ -14,6 +14,7 @@ SCENES: dict[str, list[str]] = {
     "card_house": ["--size", "1", "--frames", "3"],
     "dominoes": ["--size", "3", "--frames", "90"],
     "masonry_arch": ["--size", "3", "--frames", "12", "--friction", "0"],
+    "mat_twist": ["--size", "400", "--frames", "45", "--speed", "50"],
     "two_bunnies": ["--size", "1500", "--frames", "2"],
 }
 """Name -> flags of a run of a few seconds that passes its check."""

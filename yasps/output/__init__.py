@@ -1,13 +1,9 @@
 """What a run shows: files, pictures, animations, progress."""
 
 from yasps.output.animation import Animation
-from yasps.output.pictures import (
-    FramePictures,
-    PictureError,
-    PicturesUnavailable,
-    Surface,
-    require_pictures,
-)
+from yasps.output.motion_pictures import make_animation, make_picture
+from yasps.output.picture_errors import PictureError, PicturesUnavailable, require_pictures
+from yasps.output.pictures import ColorScale, FramePictures, Surface
 from yasps.output.progress import FrameProgress, TimeTable, TimeTableError
 from yasps.output.recorded_bodies import (
     DARK_PINK,
@@ -29,6 +25,7 @@ __all__ = [
     "OBSTACLE_GREY",
     "PALETTE",
     "Animation",
+    "ColorScale",
     "FramePictures",
     "FrameProgress",
     "FrameRecorder",
@@ -43,6 +40,8 @@ __all__ = [
     "TimeTableError",
     "View",
     "VtkHdfSeries",
+    "make_animation",
+    "make_picture",
     "read_series",
     "require_pictures",
 ]

@@ -9,7 +9,7 @@ from typing import Any, Final, Self, cast
 import numpy as np
 import numpy.typing as npt
 
-from yasps.output.pictures import PictureError, PicturesUnavailable
+from yasps.output.picture_errors import PictureError, PicturesUnavailable
 
 Image = npt.NDArray[np.uint8]
 

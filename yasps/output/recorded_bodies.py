@@ -34,6 +34,10 @@ class Shown(Protocol):
     cells: Mapping[str, Ids]
 
     @property
+    def is_fixed(self) -> bool:
+        """Whether no energy moves it."""
+
+    @property
     def stands_still(self) -> bool:
         """Whether its vertices never move."""
 
@@ -93,6 +97,8 @@ class RecordedBody:
     """"#rrggbb"."""
     stands_still: bool
     """Whether its vertices never move."""
+    is_driven: bool
+    """Whether it moves as it is told, by no energy."""
     first: int
     """Its first vertex among those of all bodies."""
     count: int
@@ -146,6 +152,7 @@ def recorded_bodies(bodies: Sequence[Shown], colors: Mapping[str, str] | None = 
                 kind=type(body).__name__,
                 color=colors.get(body.name, color),
                 stands_still=body.stands_still,
+                is_driven=body.is_fixed and not body.stands_still,
                 first=first,
                 count=len(radii),
                 triangles=np.asarray(body.triangles, np.int32).reshape(-1, 3),
@@ -159,6 +166,7 @@ def recorded_bodies(bodies: Sequence[Shown], colors: Mapping[str, str] | None = 
     return found
 
 
+_PLAIN: Final = ("name", "kind", "color", "stands_still", "is_driven", "first", "count")
 _ARRAYS: Final = {"triangles": (3, np.int32), "edges": (2, np.int32), "points": (1, np.int32), "radii": (1, np.float64)}
 """Arrays of all bodies, one body after the other: columns and type."""
 
@@ -167,7 +175,7 @@ def as_datasets(bodies: Sequence[RecordedBody], more: Mapping[str, Any]) -> dict
     """The bodies as a text in JSON, with `more`, and arrays beside it."""
     told = []
     for body in bodies:
-        entry = {name: getattr(body, name) for name in ("name", "kind", "color", "stands_still", "first", "count")}
+        entry = {name: getattr(body, name) for name in _PLAIN}
         entry |= {f"number_of_{name}": len(getattr(body, name)) for name in _ARRAYS}
         if body.plane is not None:
             entry["plane"] = {"normal": body.plane.normal, "point": body.plane.point, "size": body.plane.size}
@@ -208,6 +216,7 @@ def from_datasets(description: Mapping[str, Any], arrays: Mapping[str, NDArray[A
                 kind=str(entry["kind"]),
                 color=str(entry["color"]),
                 stands_still=bool(entry["stands_still"]),
+                is_driven=bool(entry["is_driven"]),
                 first=int(entry["first"]),
                 count=int(entry["count"]),
                 plane=plane,

@@ -11,6 +11,7 @@ from typing import Any, Final, Protocol, Self
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from yasps.output.motion_pictures import make_animation, make_picture
 from yasps.output.recorded_bodies import Floats, Shown, as_datasets, recorded_bodies
 from yasps.output.view import View, checked_view
 from yasps.output.vtkhdf import VtkHdfSeries
@@ -142,8 +143,6 @@ class FrameRecorder:
             self._make_pictures()
 
     def _make_pictures(self) -> None:
-        from yasps.output.motion_pictures import make_animation, make_picture
-
         try:
             self.written.append(make_picture(self.file, self.file.with_suffix(".png")))
             self.written.append(make_animation(self.file, self.file.with_suffix(".mp4")))
