@@ -47,9 +47,7 @@ PROGRAM = SceneProgram(
     size_means="cells along each side of the cloth; the rabbits are about as fine",
     mesh_means="tetrahedral mesh with y up, instead of the rabbit",
 )
-PROGRAM.add_argument(
-    "--bunnies", type=number_of, default=2, metavar="N", help="how many others, soft and stiff in turn (2)"
-)
+PROGRAM.add_argument("--bunnies", type=number_of, default=2, metavar="N", help="others, soft and stiff in turn (2)")
 PROGRAM.add_argument("--element", choices=tuple(ELEMENTS), default="tet4", help="of the cage (tet4)")
 PROGRAM.add_argument("--barrier", choices=tuple(STIFFNESS), default="log", help="of contact (log)")
 

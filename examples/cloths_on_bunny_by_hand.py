@@ -56,6 +56,7 @@ class Body:
     fixed: dict[Attribute, NDArray[np.bool_]] = field(default_factory=dict)  # instances of targets
     edges: Ids = field(default_factory=lambda: np.empty((0, 2), np.int32))
     points: Ids = field(default_factory=lambda: np.empty(0, np.int32))
+    is_fixed: bool = False
     stands_still: bool = False
 
     def positions(self) -> Floats:
