@@ -34,7 +34,7 @@ THICKNESS = 1e-3  # m, of the cloth
 STRETCH, SHEAR, BENDING = 3.55e5 * THICKNESS, 1.00e5 * THICKNESS, 0.25 * THICKNESS  # J/m^2, J/m^2, J
 COMPRESSION = 0.01  # of the stretch stiffness where the cloth is shortened
 DISTANCE = 1e-3  # m, of activation
-STIFFNESS = {"log": 0.1 * YOUNGS_MODULUS, "paper": 1e10}  # Pa and J/m^4, of contact
+STIFFNESS = {"log": None, "paper": 1e10}  # J/m^4, of contact; None: by the moduli of bodies
 TOLERANCE = 1e-2  # m/s, of Newton's method
 
 # --- Program ---

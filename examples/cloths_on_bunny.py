@@ -9,8 +9,8 @@ The numbers are the paper's, in units that mean something:
 - A cloth's stiffness [J/m^2] is the paper's in pascals times the thickness of 1 mm, and so is its bending stiffness:
   0.055 is E h^2 / (24 (1 - nu^2)) of 1 MPa, 0.49 and 1 mm.
 - The paper's barrier (`--barrier paper`) is kappa (D - H)^2 log(D / H)^2 of squared distances D with kappa = 1e6 in an
-  energy that is multiplied by dt^2; that is 1e10 J/m^4 here. It knows no areas. The default is the barrier in pascals,
-  at the same activation distance, with a tenth of the bunny's Young's modulus.
+  energy that is multiplied by dt^2; that is 1e10 J/m^4 here. It knows no areas. The default is the kit's barrier in
+  pascals, at the same activation distance, with a tenth of the softer body's modulus.
 - The bunny's mass is spread by volume; the paper spreads it evenly over vertices.
 """
 
@@ -37,7 +37,7 @@ THICKNESS = 1e-3  # m, of cloths
 STRETCH, SHEAR, BENDING = 335570.47 * THICKNESS, 100607.11 * THICKNESS, 0.055 * THICKNESS  # J/m^2, J/m^2, J
 COMPRESSION = 0.01  # of the stretch stiffness where a cloth is shortened
 DISTANCE = 1e-3  # m, of activation
-STIFFNESS = {"log": 0.1 * YOUNGS_MODULUS, "paper": 1e10}  # Pa and J/m^4, of contact
+STIFFNESS = {"log": None, "paper": 1e10}  # J/m^4, of contact; None: by the moduli of bodies
 TOLERANCE = 1e-2  # m/s, of Newton's method
 
 # --- Program ---

@@ -11,11 +11,12 @@ from __future__ import annotations
 import sys
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
+from typing import Never
 
 import numpy as np
 from numpy.typing import NDArray
 
-from yasps import Attribute, Mesh, NotConvergedError, Primitive, PrimitiveUnion, Scene, concat_rows, select
+from yasps import Attribute, Mesh, NotConvergedError, Primitive, PrimitiveUnion, Scene, SceneError, concat_rows, select
 from yasps.contact import CollisionGeometry
 from yasps.examples import cloths_on_bunny as kit
 from yasps.examples.bunnies_and_cloth import GRAVITY, bunny_shape, check_end, cloth_corners, number_of
@@ -25,7 +26,7 @@ from yasps.program import Options, SceneProgram
 
 Floats = NDArray[np.float64]
 Ids = NDArray[np.int32]
-KAPPA = kit.STIFFNESS["paper"]  # J/m^4
+KAPPA = 1e10  # J/m^4, that of `--barrier paper`
 
 # --- Program ---
 PROGRAM = SceneProgram(
@@ -291,6 +292,10 @@ class World:
     def velocity_of(self, body: Body) -> Floats:
         """[n, 3] in m/s."""
         return self.velocities[self.bodies.index(body)]
+
+    def contact_forces(self) -> Never:
+        """Nobody reads them out here. Raises SceneError."""
+        raise SceneError("forces of contact are read out of a Simulation; this world is made by hand")
 
     def motion(self) -> float:
         """The kinetic energy [J]."""
