@@ -5,18 +5,15 @@ The dominoes are affine bodies; friction with the ground keeps their feet in pla
 
 from __future__ import annotations
 
-import argparse
 import sys
 from collections.abc import Sequence
-from pathlib import Path
 
 import numpy as np
 
-from yasps import Scene
 from yasps.bodies import AffineBody, HalfSpace
 from yasps.contact import ContactTable
 from yasps.meshes import box
-from yasps.output import FrameRecorder
+from yasps.program import CheckFailedError, Options, SceneProgram
 from yasps.simulation import Simulation
 from yasps.stepping import NewtonSettings
 
@@ -24,15 +21,18 @@ THICKNESS, WIDTH, HEIGHT = 0.02, 0.05, 0.1  # m
 SPACING = 0.05  # m, from one to the next
 DISTANCE = 5e-4  # m, of activation
 PUSH = 4.0  # rad/s, of the first domino at the start
+FALLEN = 45.0  # degrees from upright
+
+PROGRAM = SceneProgram("dominoes", __doc__, frames=240, time_step=0.005, size=12, size_means="dominoes")
 
 
-def dominoes(count: int = 12, scene: Scene | None = None) -> Simulation:
+def build(options: Options) -> Simulation:
     """The row along x on the ground at z = 0; the first one has been pushed."""
-    scene = scene or Scene("dominoes")
+    scene = PROGRAM.scene(options)
     shape = box((THICKNESS, WIDTH, HEIGHT), (1, 1, 1))
     row = [
         AffineBody(scene, f"domino_{k}", shape.translated((k * SPACING, 0.0, 0.5 * HEIGHT + 0.98 * DISTANCE)))
-        for k in range(count)
+        for k in range(options.size)
     ]
     contacts = ContactTable(friction=0.2)
     for domino in row:
@@ -40,7 +40,7 @@ def dominoes(count: int = 12, scene: Scene | None = None) -> Simulation:
     simulation = Simulation(
         scene,
         [*row, HalfSpace(scene, "ground")],
-        time_step=0.005,
+        time_step=options.dt,
         activation_distance=DISTANCE,
         contacts=contacts,
         settings=NewtonSettings(
@@ -62,20 +62,19 @@ def tilts(simulation: Simulation) -> list[float]:
     return angles
 
 
+def check(simulation: Simulation, options: Options) -> str:
+    """All of them have fallen."""
+    fallen = sum(angle > FALLEN for angle in tilts(simulation))
+    if fallen < options.size:
+        raise CheckFailedError(
+            f"after {simulation.time:.2f} s only {fallen} of {options.size} dominoes have fallen; give it more --frames"
+        )
+    return f"after {simulation.time:.2f} s all {options.size} dominoes have fallen"
+
+
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Entry point of `yasps run dominoes`; 1 if one of them still stands."""
-    parser = argparse.ArgumentParser(prog="yasps run dominoes", description=__doc__)
-    parser.add_argument("--dominoes", type=int, default=12, help="how many (default 12)")
-    parser.add_argument("--frames", type=int, default=240, help="time steps of 0.005 s (default 240)")
-    parser.add_argument("--output", type=Path, default=Path("output/dominoes"), help="folder for files")
-    parser.add_argument("--no-pictures", action="store_true", help="no picture and no animation")
-    options = parser.parse_args(arguments)
-    simulation = dominoes(options.dominoes)
-    with FrameRecorder(simulation, options.output, "dominoes", pictures=not options.no_pictures) as files:
-        simulation.run(options.frames, files)
-    fallen = sum(angle > 45.0 for angle in tilts(simulation))
-    print(f"after {simulation.time:.2f} s {fallen} of {options.dominoes} dominoes have fallen")
-    return 0 if fallen == options.dominoes else 1
+    """Entry point of `yasps run dominoes`."""
+    return PROGRAM.run(arguments, build, check)
 
 
 if __name__ == "__main__":

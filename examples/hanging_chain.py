@@ -6,7 +6,6 @@ two ends without knowing what they are. At rest spring i carries all beads below
 
 from __future__ import annotations
 
-import argparse
 import sys
 from collections.abc import Sequence
 
@@ -14,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from yasps import Attribute, NotConvergedError, Scene
+from yasps.program import Options, SceneProgram
 
 GRAVITY = 9.8  # m/s^2
 MASS = 0.1  # kg, of a bead
@@ -22,14 +22,19 @@ LENGTH = 0.2  # m, of a spring at rest
 TOLERANCE = 1e-9  # m, of the Newton step
 MAX_ITERATIONS = 200
 
+PROGRAM = SceneProgram("hanging_chain", __doc__, frames=None, size=5, size_means="beads")
 
-def hanging_chain(beads: int) -> tuple[Scene, Attribute]:
-    """The scene, and the beads' positions: the only thing that moves. Starts as a slanted line of stretched springs."""
-    scene = Scene("hanging_chain")
+
+def build(options: Options) -> tuple[Scene, Attribute]:
+    """The scene, and the beads' positions: the only thing that moves. Starts as a slanted line of stretched springs,
+    or, with a seed, as a crooked one."""
+    scene, beads = PROGRAM.scene(options), options.size
     hook = scene.add_mesh("wall").add_primitive("hook", num_instances=1)
     hook.add_constant("position", rows=3, cols=1)
     bead = scene.add_mesh("beads").add_primitive("bead", num_instances=beads)
     start = np.arange(1, beads + 1)[:, None] * 2 * LENGTH * np.array([0.6, 0.0, -0.8])
+    if options.seed:
+        start += np.random.default_rng(options.seed).uniform(-0.1 * LENGTH, 0.1 * LENGTH, start.shape)
     position = bead.add_attribute("position", rows=3, cols=1, value=start)
 
     chain = scene.add_mesh("chain")
@@ -75,16 +80,14 @@ def rest_positions(beads: int) -> NDArray[np.float64]:
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Entry point of `yasps run hanging_chain`; 1 if the beads do not hang where they must."""
-    parser = argparse.ArgumentParser(prog="yasps run hanging_chain", description=__doc__)
-    parser.add_argument("--beads", type=int, default=5, help="how many (default 5)")
-    options = parser.parse_args(arguments)
-    scene, position = hanging_chain(options.beads)
+    options = PROGRAM.options(arguments)
+    scene, position = build(options)
     iterations = minimize(scene, position)
     found = position.value.reshape(-1, 3)
-    error = float(np.abs(found - rest_positions(options.beads)).max())
+    error = float(np.abs(found - rest_positions(options.size)).max())
     print(f"at rest after {iterations} Newton iterations, energy {scene.total_energy():.6f} J")
     print(f"lowest bead at z = {found[-1, 2]:.6f} m; largest error of all beads {error:.1e} m")
-    if error < 1e-6 * LENGTH * options.beads:
+    if error < 1e-6 * LENGTH * options.size:
         return 0
     print("the beads are not where they must hang", file=sys.stderr)
     return 1

@@ -6,32 +6,29 @@ sum |x - x0|^2 / 2 + s sum |mean of neighbours - x|^2 / 2 in one Newton step, si
 
 from __future__ import annotations
 
-import argparse
 import sys
 from collections.abc import Sequence
 
 import numpy as np
 
-from yasps import Scene
 from yasps.meshes import sphere
+from yasps.program import SceneProgram
+
+PROGRAM = SceneProgram("laplacian_smoothing", __doc__, frames=None, size=2000, size_means="vertices of the ball, about")
+PROGRAM.add_argument("--strength", type=float, default=50.0, help="of the smoothing (50)")
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Entry point of `yasps run laplacian_smoothing`."""
-    parser = argparse.ArgumentParser(prog="yasps run laplacian_smoothing", description=__doc__)
-    parser.add_argument(
-        "--vertices", type=int, default=2000, help="about how many vertices the ball has (default 2000)"
-    )
-    parser.add_argument("--strength", type=float, default=50.0, help="of the smoothing (default 50)")
-    options = parser.parse_args(arguments)
-    ball = sphere(1.0, options.vertices)
+    options = PROGRAM.options(arguments)
+    ball = sphere(1.0, options.size)
     used, edges = np.unique(ball.surface_edges(), return_inverse=True)
     edges = edges.reshape(-1, 2)
-    noisy = ball.vertices[used] * np.random.default_rng(0).normal(1.0, 0.05, (len(used), 1))
+    noisy = ball.vertices[used] * np.random.default_rng(options.seed).normal(1.0, 0.05, (len(used), 1))
 
     both_ways = np.concatenate([edges, edges[:, ::-1]])
     both_ways = both_ways[np.argsort(both_ways[:, 0], kind="stable")]
-    scene = Scene("laplacian_smoothing")
+    scene = PROGRAM.scene(options)
     vertices = scene.add_mesh("surface").add_primitive("vertices", num_instances=len(used))
     x = vertices.add_attribute("x", rows=3, cols=1, value=noisy)
     start = vertices.add_constant("start", rows=3, cols=1, value=noisy)

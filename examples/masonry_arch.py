@@ -7,18 +7,15 @@ on level abutments and push outwards at a third of their weight, the cotangent o
 
 from __future__ import annotations
 
-import argparse
 import sys
 from collections.abc import Sequence
-from pathlib import Path
 
 import numpy as np
 
-from yasps import Scene
 from yasps.bodies import AffineBody, HalfSpace, Obstacle
 from yasps.contact import ContactTable
 from yasps.meshes import TetrahedralMesh, TriangleMesh, box
-from yasps.output import FrameRecorder
+from yasps.program import CheckFailedError, Options, SceneProgram
 from yasps.simulation import Simulation
 from yasps.stepping import NewtonSettings
 
@@ -29,10 +26,17 @@ DEPTH = 0.2  # m
 DISTANCE = 1e-3  # m, of activation
 GAP = 0.995 * DISTANCE  # between stones at the start: near where they come to rest
 BELOW = 0.4  # m, from the tops of the abutments down to the ground
-SLIP_SPEED = 1e-3  # m/s
+SETTLING = 1e-4  # m: how far the crown of an arch that stands may move until it rests
+GRAVITY = 9.8  # m/s^2
+
+PROGRAM = SceneProgram("masonry_arch", __doc__, frames=100, time_step=0.01, size=25, size_means="stones")
+PROGRAM.add_argument("--friction", type=float, default=0.5, help="coefficient everywhere (0.5)")
+PROGRAM.add_argument(
+    "--slip-speed", type=float, default=1e-3, metavar="M/S", help="what friction holds creeps slower than this (1e-3)"
+)
 
 
-def arch_stones(count: int = 25) -> list[TetrahedralMesh]:
+def arch_stones(count: int) -> list[TetrahedralMesh]:
     """The stones from the left foot to the right one, `GAP` apart and above z = 0, where the abutments end."""
     half_length = SCALE * FOOT_SLOPE
     length = np.linspace(-half_length, half_length, count + 1)  # along the catenary, from its top
@@ -58,15 +62,12 @@ def arch_stones(count: int = 25) -> list[TetrahedralMesh]:
     return stones
 
 
-def masonry_arch(
-    friction: float, count: int = 25, scene: Scene | None = None, *, slip_speed: float = SLIP_SPEED
-) -> Simulation:
-    """The arch between two abutments with level tops, above the ground. slip_speed [m/s]: what friction holds creeps
-    slower than this."""
-    scene = scene or Scene("masonry_arch")
+def build(options: Options) -> Simulation:
+    """The arch between two abutments with level tops, above the ground."""
+    scene = PROGRAM.scene(options)
     stones = [
         AffineBody(scene, f"stone_{number}", shape, density=2300.0, youngs_modulus=1e9)
-        for number, shape in enumerate(arch_stones(count))
+        for number, shape in enumerate(arch_stones(options.size))
     ]
     foot = SCALE * np.arcsinh(FOOT_SLOPE)
     block = box((4 * THICKNESS, 2 * DEPTH, BELOW - GAP), (1, 1, 1))
@@ -77,38 +78,44 @@ def masonry_arch(
     return Simulation(
         scene,
         [*stones, *abutments, HalfSpace(scene, "ground", height=-BELOW)],
+        time_step=options.dt,
+        gravity=(0.0, 0.0, -GRAVITY),
         activation_distance=DISTANCE,
-        contacts=ContactTable(friction=friction),
-        eps_v=slip_speed,
+        contacts=ContactTable(friction=options.friction),
+        eps_v=options.slip_speed,
         settings=NewtonSettings(
-            velocity_tolerance=0.1 * slip_speed, relative_force_tolerance=1e-3, solver="direct", max_iterations=500
+            velocity_tolerance=0.1 * options.slip_speed,
+            relative_force_tolerance=1e-3,
+            solver="direct",
+            max_iterations=500,
         ),
     )
 
 
-def crown_height(simulation: Simulation) -> float:
-    """Height of the middle of the stone at the top above the abutments [m]."""
-    stones = [body for body in simulation.bodies if body.name.startswith("stone_")]
-    return float(stones[len(stones) // 2].positions()[:, 2].mean())
+def crown_sinks(simulation: Simulation) -> float:
+    """By how much the stone at the top is lower than at the start [m]."""
+    crown = simulation.moving[len(simulation.moving) // 2]
+    return float(crown.rest[:, 2].mean() - crown.positions()[:, 2].mean())
+
+
+def check(simulation: Simulation, options: Options) -> str:
+    """It stands if friction is above the cotangent of the slope of its feet, else it falls."""
+    sinks, needed = crown_sinks(simulation), 1 / FOOT_SLOPE
+    what = (
+        f"after {simulation.time:.2f} s the crown is {1e3 * sinks:.2f} mm lower, with a coefficient of friction of"
+        f" {options.friction}, where {needed:.2f} is needed"
+    )
+    creeps = SETTLING + options.slip_speed * simulation.time
+    if options.friction > needed and abs(sinks) > creeps:
+        raise CheckFailedError(f"{what}: the arch does not stand")
+    if options.friction < needed and sinks < creeps:
+        raise CheckFailedError(f"{what}: the arch does not fall yet; give it more --frames")
+    return what
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Entry point of `yasps run masonry_arch`."""
-    parser = argparse.ArgumentParser(prog="yasps run masonry_arch", description=__doc__)
-    parser.add_argument("--friction", type=float, default=0.5, help="coefficient everywhere (default 0.5)")
-    parser.add_argument("--stones", type=int, default=25, help="how many (default 25)")
-    parser.add_argument("--frames", type=int, default=100, help="time steps of 0.01 s (default 100)")
-    parser.add_argument("--output", type=Path, default=Path("output/masonry_arch"), help="folder for files")
-    parser.add_argument("--no-pictures", action="store_true", help="no picture and no animation")
-    options = parser.parse_args(arguments)
-    simulation = masonry_arch(options.friction, options.stones)
-    before = crown_height(simulation)
-    with FrameRecorder(
-        simulation, options.output, "masonry_arch", pictures=not options.no_pictures, ground_height=-BELOW
-    ) as files:
-        simulation.run(options.frames, files)
-    print(f"after {simulation.time:.2f} s the crown is {1e3 * (before - crown_height(simulation)):.2f} mm lower")
-    return 0
+    return PROGRAM.run(arguments, build, check)
 
 
 if __name__ == "__main__":

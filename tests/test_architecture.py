@@ -12,7 +12,7 @@ import pytest
 
 ROOT = Path(__file__).parents[1]
 COMPILER = ("dialects", "passes", "runtime", "backend", "frontend")
-KIT = ("materials", "meshes", "output", "contact", "parameterisations", "bodies", "stepping", "simulation")
+KIT = ("materials", "meshes", "output", "contact", "parameterisations", "bodies", "stepping", "simulation", "program")
 MAY_IMPORT = {
     "dialects": set[str](),
     "runtime": set[str](),
@@ -38,13 +38,15 @@ KIT_ROOMS = {
     "bodies": {"materials", "meshes", "contact", "parameterisations"},
     "stepping": {"materials", "contact", "output"},
     "simulation": {"materials", "meshes", "output", "contact", "bodies", "stepping"},
+    "program": {"output", "stepping", "simulation"},
 }
 INSIDE = {
     "yasps.frontend.language.arrays",  # checks of arguments, with the messages that all of yasps has
     "yasps.frontend.language.in_scene",
     "yasps.frontend.language.scene_lock",
 }
-"""What the kit uses of the inside; contact has collision detection of the runtime besides."""
+"""What the kit uses of the inside; contact has collision detection of the runtime besides, and program the place of
+compiled code."""
 
 
 def imported_modules(source: str, *, of_types: bool = True) -> Iterator[str]:
@@ -120,6 +122,7 @@ def test_the_kit_uses_the_public_language(room: str) -> None:
             where = module.split(".")[1:2]
             allowed = not where or where[0] in {room, *KIT_ROOMS[room]} or module in INSIDE
             allowed = allowed or (room == "contact" and where[0] == "runtime")
+            allowed = allowed or (room == "program" and module == "yasps.runtime.build.toolchain")
             assert allowed, f"{file.relative_to(ROOT)} imports {module}"
 
 

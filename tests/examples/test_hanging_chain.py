@@ -10,7 +10,7 @@ from yasps.examples import hanging_chain
 
 @pytest.mark.parametrize("beads", [1, 5])
 def test_finds_the_rest(beads: int, capsys: pytest.CaptureFixture[str]) -> None:
-    assert hanging_chain.main(["--beads", str(beads)]) == 0
+    assert hanging_chain.main(["--size", str(beads)]) == 0
     assert "at rest after" in capsys.readouterr().out
 
 
@@ -22,7 +22,7 @@ def test_notices_a_wrong_result(monkeypatch: pytest.MonkeyPatch, capsys: pytest.
 
 def test_rest_is_a_balance_of_forces() -> None:
     """The closed form itself: no force is left on any bead."""
-    scene, position = hanging_chain.hanging_chain(4)
+    scene, position = hanging_chain.build(hanging_chain.PROGRAM.options(["--size", "4"]))
     position.update_value(hanging_chain.rest_positions(4))
     (force,) = scene.gradient()
     assert np.abs(force).max() < 1e-12

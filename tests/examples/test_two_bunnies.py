@@ -9,6 +9,7 @@ import h5py
 import numpy as np
 import pytest
 
+from yasps import Scene
 from yasps.backend.reference.interpreter import Interpreter, SceneData
 from yasps.examples import two_bunnies as example
 from yasps.meshes import TetrahedralMesh, rabbit, write_mesh
@@ -38,7 +39,7 @@ def shifted(data: SceneData, targets: list[str], direction: np.ndarray, step: co
 
 
 def test_free_fall_then_contact_without_intersection(shape: TetrahedralMesh) -> None:
-    simulation = example.two_bunnies(shape)
+    simulation = example.two_bunnies(shape, Scene("two_bunnies"))
     contact = simulation.contact
     assert contact is not None
     start = contact.positions()
@@ -64,7 +65,7 @@ def test_free_fall_then_contact_without_intersection(shape: TetrahedralMesh) -> 
 
 
 def test_derivatives_of_the_whole_scene_against_complex_step(shape: TetrahedralMesh) -> None:
-    scene = example.two_bunnies(shape)
+    scene = example.two_bunnies(shape, Scene("two_bunnies"))
     assert scene.contact is not None
     for _ in range(8):
         scene.step()
@@ -100,14 +101,14 @@ def test_derivatives_of_the_whole_scene_against_complex_step(shape: TetrahedralM
 def test_runs_from_a_mesh_file_and_writes_a_series(shape: TetrahedralMesh, tmp_path: Path) -> None:
     path = tmp_path / "rabbit.vtu"
     write_mesh(path, shape)
-    arguments = ["--frames", "2", "--mesh", str(path), "--no-pictures", "--output", str(tmp_path / "out")]
+    arguments = ["--frames", "2", "--mesh", str(path), "--headless", "--output", str(tmp_path / "out")]
     assert example.main(arguments) == 0
     with h5py.File(tmp_path / "out" / "two_bunnies.vtkhdf") as file:
         assert file["VTKHDF/Steps"].attrs["NSteps"] == 3
 
 
 def test_second_start_compiles_nothing(shape: TetrahedralMesh) -> None:
-    example.two_bunnies(shape).scene.compile()
-    again = example.two_bunnies(shape)
+    example.two_bunnies(shape, Scene("two_bunnies")).scene.compile()
+    again = example.two_bunnies(shape, Scene("two_bunnies"))
     assert again.scene.compile_report.compiled == 0
     assert "0 modules compiled" in str(again.scene.compile_report)

@@ -4,14 +4,13 @@ from __future__ import annotations
 
 from pathlib import Path
 
-import h5py
 import numpy as np
 import pytest
 
 from yasps import ConnectivityError, DataError, IntersectionError, Scene, SceneError, ShapeMismatchError
 from yasps.bodies import AffineBody, Cloth, MovingObstacle, Obstacle, SoftBody
 from yasps.meshes import TriangleMesh, box, cloth_grid
-from yasps.output import FrameRecorder
+from yasps.output import FrameRecorder, read_series
 from yasps.simulation import Simulation
 from yasps.stepping import NewtonSettings
 
@@ -216,14 +215,17 @@ def test_moving_obstacles_come_go_and_are_restored() -> None:
     np.testing.assert_array_equal(below.positions(), below.rest + 0.01 * UP)
 
 
-def test_files_have_what_moves(tmp_path: Path) -> None:
-    """Obstacles that stand still are left out of them, those that may move are not."""
+def test_files_have_what_moves_and_what_does_not(tmp_path: Path) -> None:
     scene = Scene("shown", threads=1)
     body, below = SoftBody(scene, "soft", CUBE), MovingObstacle(scene, "below", plate(-0.5))
-    simulation = Simulation(scene, [body, below, Obstacle(scene, "still", plate(-1.0))], contact=False)
+    still = Obstacle(scene, "still", plate(-1.0))
+    simulation = Simulation(scene, [body, below, still], contact=False)
     below.move_to(below.rest + UP)
     with FrameRecorder(simulation, tmp_path, "shown", pictures=False) as recorder:
         simulation.run(1, recorder)
-    with h5py.File(tmp_path / "shown.vtkhdf") as file:
-        points = np.asarray(file["VTKHDF/Points"])
-    np.testing.assert_allclose(points[-16:], np.concatenate([body.positions(), below.rest + UP]), atol=1e-6)
+    series = read_series(tmp_path / "shown.vtkhdf")
+    here = np.concatenate([body.positions(), below.rest + UP, still.rest])
+    np.testing.assert_allclose(series.positions(1), here, rtol=0, atol=1e-12)
+    assert [one.stands_still for one in series.bodies] == [False, False, True]
+    velocity = series.field("velocity", 1)[series.body("below").vertices]
+    np.testing.assert_allclose(velocity * DT, np.tile(UP, (8, 1)), rtol=0, atol=1e-6)

@@ -2,9 +2,6 @@
 
 from yasps.output.animation import Animation
 from yasps.output.pictures import (
-    DARK_PINK,
-    LIGHT_BLUE,
-    PALETTE,
     FramePictures,
     PictureError,
     PicturesUnavailable,
@@ -12,12 +9,24 @@ from yasps.output.pictures import (
     require_pictures,
 )
 from yasps.output.progress import FrameProgress, TimeTable, TimeTableError
+from yasps.output.recorded_bodies import (
+    DARK_PINK,
+    LIGHT_BLUE,
+    OBSTACLE_GREY,
+    PALETTE,
+    RecordedBody,
+    RecordedPlane,
+)
 from yasps.output.recorder import FrameRecorder
-from yasps.output.vtkhdf import OutputFileError, VtkHdfSeries
+from yasps.output.series import Series, read_series
+from yasps.output.view import View
+from yasps.output.vtkhdf import VtkHdfSeries
+from yasps.output.vtkhdf_layout import OutputFileError
 
 __all__ = [
     "DARK_PINK",
     "LIGHT_BLUE",
+    "OBSTACLE_GREY",
     "PALETTE",
     "Animation",
     "FramePictures",
@@ -26,9 +35,14 @@ __all__ = [
     "OutputFileError",
     "PictureError",
     "PicturesUnavailable",
+    "RecordedBody",
+    "RecordedPlane",
+    "Series",
     "Surface",
     "TimeTable",
     "TimeTableError",
+    "View",
     "VtkHdfSeries",
+    "read_series",
     "require_pictures",
 ]

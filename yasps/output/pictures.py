@@ -22,18 +22,12 @@ import numpy.typing as npt
 
 from yasps import YaspsError
 from yasps.frontend.language.arrays import plain_array, real_numbers
+from yasps.output.recorded_bodies import LIGHT_BLUE
 from yasps.output.sharp_edges import split_at_creases, vertex_normals
 from yasps.output.soft_shadow import soft_shadow
 
 Points = npt.NDArray[np.float64]
 Image = npt.NDArray[np.uint8]
-
-LIGHT_BLUE: Final = "#86c5f4"
-DARK_PINK: Final = "#c2185b"
-PALETTE: Final = (LIGHT_BLUE, DARK_PINK, "#f2b134", "#5c9e6b", "#8e6bbf", "#d9754a")
-"""Colours of bodies, in turn."""
-OBSTACLE_GREY: Final = "#a9adb6"
-"""Colour of what stands still."""
 
 _BACKGROUND: Final = ("#e7eaef", "#fdfdfe")  # bottom, top
 _VIEW_ANGLE: Final = 30.0  # degrees, over the height of the picture

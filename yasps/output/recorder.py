@@ -1,35 +1,27 @@
-"""What a run leaves behind: a ParaView series, and where the machine can draw, a picture and an animation."""
+"""What a run leaves behind: one results file, and made from that, a picture and an animation."""
 
 from __future__ import annotations
 
-import itertools
 import sys
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from types import TracebackType
-from typing import Protocol, Self
+from typing import Any, Final, Protocol, Self
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from yasps.output.animation import Animation
-from yasps.output.pictures import OBSTACLE_GREY, PALETTE, FramePictures, PicturesUnavailable, Surface
+from yasps.output.recorded_bodies import Floats, Shown, as_datasets, recorded_bodies
+from yasps.output.view import View, checked_view
 from yasps.output.vtkhdf import VtkHdfSeries
+from yasps.output.vtkhdf_layout import OutputFileError
 
 
-class Shown(Protocol):
-    """A body, as far as output is concerned."""
+class Forces(Protocol):
+    """Forces of contact."""
 
-    name: str
-    triangles: NDArray[np.int32]
-    cells: Mapping[str, NDArray[np.int32]]
-
-    @property
-    def stands_still(self) -> bool:
-        """What never moves is in the pictures only."""
-
-    def positions(self) -> NDArray[np.float64]:
-        """[n, 3]."""
+    def on_vertices(self) -> Floats:
+        """On each vertex of all bodies [N], [n, 3]."""
 
 
 class Running(Protocol):
@@ -40,22 +32,40 @@ class Running(Protocol):
         """[s]."""
 
     @property
-    def bodies(self) -> Sequence[Shown]:
-        """In a fixed order."""
+    def bodies(self) -> Sequence[Any]:
+        """`Shown`, in a fixed order."""
 
+    @property
+    def contact(self) -> object:
+        """None without contact."""
 
-def _is_level(body: Shown, height: float | None) -> bool:
-    """Whether all of it is at this height: what the ground in pictures stands for."""
-    return height is not None and bool((body.positions()[:, 2] == height).all())
+    def velocity_of(self, body: Any) -> Floats:
+        """Of its vertices [m/s], [n, 3]."""
+
+    def contact_forces(self) -> Forces:
+        """At the present positions."""
 
 
 class FrameRecorder:
-    """Records a simulation frame by frame into FOLDER/NAME.vtkhdf, NAME.mp4 and NAME.png.
+    """Records a simulation frame by frame into FOLDER/NAME.vtkhdf, and makes NAME.png and NAME.mp4 of that at the end.
 
-    pictures: False for the series alone; where the machine can't draw, a line on stderr says so. ground_height: of the
-    ground in pictures, which stands for a level obstacle there; None for none. bounds: what the camera sees, [2, 3];
-    default: all that moves and the ground below them at the start. frames_per_picture: how many frames one picture of
-    the animation stands for.
+    The file holds the positions of all bodies that have vertices, obstacles too, and what `RecordedBody` says of them;
+    ParaView reads it, and so do `read_series` and the commands `yasps view`, `yasps picture` and `yasps export`.
+
+    Args:
+        simulation: all its bodies are recorded; none can be added while that goes on. One that is removed stays where
+            it was last.
+        folder: is made if it is not there.
+        name: of the files, without ending.
+        pictures: False for the results file alone. Where the machine can't draw, a line on stderr says so.
+        fields: numbers at each vertex that go with the positions: "velocity" [m/s], "contact_force" [N].
+        colors: name of a body -> "#rrggbb".
+        camera, view_direction, bounds, speed: see `View`; kept in the file for pictures that are made later, too.
+        resume: go on in the file that is there, behind its frames up to the present time of the simulation; if there is
+            none, begin one.
+
+    Raises:
+        OutputFileError: wrong arguments, or a file to resume that is damaged or of another scene.
     """
 
     def __init__(
@@ -65,66 +75,80 @@ class FrameRecorder:
         name: str,
         *,
         pictures: bool = True,
-        ground_height: float | None = 0.0,
+        fields: Sequence[str] = ("velocity",),
+        colors: Mapping[str, str] | None = None,
+        camera: str = "whole",
+        view_direction: ArrayLike = View.direction,
         bounds: ArrayLike | None = None,
-        frames_per_picture: int = 3,
+        speed: float = View.speed,
+        resume: bool = False,
     ) -> None:
         self.folder, self.name = Path(folder), name
-        self.folder.mkdir(parents=True, exist_ok=True)
+        self.file = self.folder / f"{name}.vtkhdf"
         self.written: list[Path] = []
-        self._bodies = [body for body in simulation.bodies if not body.stands_still]
-        self._frames_per_picture = frames_per_picture
-        starts = [0, *itertools.accumulate(len(body.positions()) for body in self._bodies)]
+        self._pictures = pictures
+        self._fields = _checked_fields(fields, simulation)
+        self._bodies: list[Shown] = list(simulation.bodies)
+        self._last = [body.positions() for body in self._bodies]
+        view = checked_view(camera, view_direction, bounds, speed)
+        bodies = recorded_bodies(self._bodies, colors)
         cells: dict[str, list[NDArray[np.int32]]] = {}
-        for body, start in zip(self._bodies, starts, strict=False):
+        owners: dict[str, list[NDArray[np.int32]]] = {}
+        for number, (body, shown) in enumerate(zip(self._bodies, bodies, strict=True)):
             for kind, ids in body.cells.items():
-                cells.setdefault(kind, []).append(ids + start)
+                cells.setdefault(kind, []).append(ids + shown.first)
+                owners.setdefault(kind, []).append(np.full(len(ids), number, np.int32))
+        of_points = np.repeat(np.arange(len(bodies), dtype=np.int32), [body.count for body in bodies])
+        self.folder.mkdir(parents=True, exist_ok=True)
         self._series = VtkHdfSeries(
-            self.folder / f"{name}.vtkhdf", starts[-1], {kind: np.concatenate(ids) for kind, ids in cells.items()}
+            self.file,
+            len(of_points),
+            {kind: np.concatenate(ids) for kind, ids in cells.items()},
+            static_point_data={"body": of_points},
+            static_cell_data={"body": np.concatenate([part for parts in owners.values() for part in parts])},
+            beside=as_datasets(bodies, {"name": name, "units": _UNITS, "view": view.told()}),
+            resume_at=simulation.time if resume else None,
         )
-        self._frames: FramePictures | None = None
-        self._animation: Animation | None = None
-        if pictures:
-            still = [body for body in simulation.bodies if body.stands_still and len(body.triangles)]
-            still = [body for body in still if not _is_level(body, ground_height)]
-            try:
-                self._open_pictures(still, ground_height, bounds)
-            except PicturesUnavailable as reason:
-                print(f"no pictures: {reason}", file=sys.stderr)
 
-    def _open_pictures(self, still: Sequence[Shown], ground_height: float | None, bounds: ArrayLike | None) -> None:
-        surfaces = [
-            Surface(body.name, body.positions(), body.triangles, color)
-            for body, color in zip(self._bodies, itertools.cycle(PALETTE), strict=False)
-        ]
-        surfaces += [Surface(body.name, body.positions(), body.triangles, OBSTACLE_GREY) for body in still]
-        if bounds is None:
-            points = np.concatenate([body.positions() for body in self._bodies])
-            if ground_height is not None:
-                points = np.vstack([points, [*points[0, :2], ground_height]])
-            bounds = [points.min(axis=0), points.max(axis=0)]
-        self._frames = FramePictures(surfaces, ground_height=ground_height, bounds=bounds, window_size=(960, 720))
-        self._animation = Animation(self.folder / f"{self.name}.mp4")
+    @property
+    def number_of_frames(self) -> int:
+        """How many frames are recorded; of a resumed file, those up to the present time."""
+        return self._series.number_of_frames
 
     def record(self, simulation: Running) -> None:
-        """Adds a frame."""
-        positions = [body.positions() for body in self._bodies]
-        self._series.write_frame(simulation.time, np.concatenate(positions))
-        if self._frames is not None and self._animation is not None:
-            for body, x in zip(self._bodies, positions, strict=True):
-                self._frames.move(body.name, x)
-            if (self._series.number_of_frames - 1) % self._frames_per_picture == 0:
-                self._animation.add(self._frames.image())
+        """Adds a frame. Raises OutputFileError for a body that was not there at the beginning, or for a state that
+        can't be written."""
+        there, known = {id(body) for body in simulation.bodies}, {id(body) for body in self._bodies}
+        for body in simulation.bodies:
+            if id(body) not in known:
+                raise OutputFileError(
+                    f"The body '{body.name}' came while '{self.file.name}' was recorded, whose bodies are those at the "
+                    "beginning. Add all bodies before the FrameRecorder, or make another one under another name."
+                )
+        for number, body in enumerate(self._bodies):
+            if id(body) in there:
+                self._last[number] = body.positions()
+        data = {field: _FIELDS[field](simulation, self._bodies).astype(np.float32) for field in self._fields}
+        self._series.write_frame(simulation.time, np.concatenate(self._last), point_data=data)
 
     def close(self) -> None:
-        """Finishes all files; `written` names them."""
+        """Ends the results file and makes pictures of it; `written` names all files."""
         self._series.close()
-        self.written = [self.folder / f"{self.name}.vtkhdf"]
-        if self._frames is not None and self._animation is not None:
-            self.written.append(self._frames.save(self.folder / f"{self.name}.png"))
-            self._animation.close()
-            self.written.append(self._animation.path)
-            self._frames.close()
+        if not self._series.number_of_frames:
+            return
+        self.written = [self.file]
+        if self._pictures:
+            self._pictures = False
+            self._make_pictures()
+
+    def _make_pictures(self) -> None:
+        from yasps.output.motion_pictures import make_animation, make_picture
+
+        try:
+            self.written.append(make_picture(self.file, self.file.with_suffix(".png")))
+            self.written.append(make_animation(self.file, self.file.with_suffix(".mp4")))
+        except Exception as reason:  # noqa: BLE001 - whatever drawing does, the run is safe in its file and goes on
+            print(f"no pictures: {reason}", file=sys.stderr)
 
     def __enter__(self) -> Self:
         return self
@@ -132,6 +156,40 @@ class FrameRecorder:
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
+        if kind is not None and not issubclass(kind, Exception):
+            self._pictures = False  # Ctrl-C: whoever wants to leave does not wait for pictures
         self.close()
         for path in self.written:
             print(f"wrote {path}", file=sys.stderr)
+
+
+_UNITS: Final = {"length": "m", "time": "s", "up": "z", "velocity": "m/s", "contact_force": "N"}
+
+
+def _velocities(simulation: Running, bodies: Sequence[Shown]) -> Floats:
+    there = {id(body) for body in simulation.bodies}
+    return np.concatenate(
+        [simulation.velocity_of(b) if id(b) in there else np.zeros_like(b.positions()) for b in bodies]
+    )
+
+
+def _contact_forces(simulation: Running, bodies: Sequence[Shown]) -> Floats:
+    with_vertices = [body for body in simulation.bodies if len(body.positions())]
+    starts = np.cumsum([0, *(len(body.positions()) for body in with_vertices)])
+    forces = simulation.contact_forces().on_vertices()
+    of_body = {id(body): forces[starts[k] : starts[k + 1]] for k, body in enumerate(with_vertices)}
+    return np.concatenate([of_body.get(id(body), np.zeros_like(body.positions())) for body in bodies])
+
+
+_FIELDS: Final[Mapping[str, Callable[[Running, Sequence[Shown]], Floats]]] = {
+    "velocity": _velocities,
+    "contact_force": _contact_forces,
+}
+
+
+def _checked_fields(fields: Sequence[str], simulation: Running) -> tuple[str, ...]:
+    if isinstance(fields, str) or not set(fields) <= set(_FIELDS):
+        raise OutputFileError(f"fields are a list of {', '.join(map(repr, _FIELDS))}, got {fields!r}.")
+    if "contact_force" in fields and simulation.contact is None:
+        raise OutputFileError("fields has 'contact_force', but the simulation was made with contact=False.")
+    return tuple(dict.fromkeys(fields))

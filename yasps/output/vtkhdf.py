@@ -22,30 +22,23 @@ import h5py
 import numpy as np
 import numpy.typing as npt
 
-from yasps import YaspsError
 from yasps.frontend.language.arrays import plain_array
-
-Array = npt.NDArray[Any]
-
-# Cell name (as in meshio) -> (number in vtkCellType.h, points per cell).
-CELL_KINDS: Final[Mapping[str, tuple[int, int]]] = {
-    "vertex": (1, 1),
-    "line": (3, 2),
-    "triangle": (5, 3),
-    "tetra": (10, 4),
-    "hexahedron": (12, 8),
-    "triangle6": (22, 6),
-    "tetra10": (24, 10),
-}
+from yasps.output.vtkhdf_layout import (
+    BESIDE,
+    FIXED_CELLS,
+    Array,
+    OutputFileError,
+    flat_cells,
+    grouped,
+    holds,
+    reading,
+    step_times,
+)
 
 # Rows of a chunk at most: a chunk must stay under 4 GiB, and a frame is otherwise one chunk.
 _LARGEST_CHUNK: Final = 2**20
 # Rows of a chunk in the arrays that hold one number a step.
 _STEPS_PER_CHUNK: Final = 256
-
-
-class OutputFileError(YaspsError):
-    """A frame or a mesh that can't be written to an output file, or a file that can't be made."""
 
 
 class VtkHdfSeries:
@@ -61,10 +54,15 @@ class VtkHdfSeries:
             [m, points of such a cell], counted from 0. The order of the kinds is the order of the cell data.
         static_point_data: name -> [n] or [n, c], the same in all frames.
         static_cell_data: name -> [m] or [m, c] over all cells, the same in all frames, say the number of the body.
-        single_precision: store floating-point data in 4 bytes instead of 8. Times are always stored in 8.
+        beside: name -> text or numbers, datasets of a group `yasps` beside VTK's own, which other readers leave alone.
+        single_precision: store floating-point data in 4 bytes instead of 8; arrays of 4 bytes always stay such. Times
+            are always stored in 8.
+        resume_at: if the file is there, go on in it behind its last frame up to this time. Those after that are
+            cut off by the next frame, not before.
 
     Raises:
-        OutputFileError: a wrong shape, type, name, point number or path. Nothing has been written then.
+        OutputFileError: a wrong shape, type, name, point number or path, or a file to resume that is damaged or
+            of another mesh. Nothing has been written then.
     """
 
     def __init__(
@@ -75,7 +73,9 @@ class VtkHdfSeries:
         *,
         static_point_data: Mapping[str, npt.ArrayLike] | None = None,
         static_cell_data: Mapping[str, npt.ArrayLike] | None = None,
+        beside: Mapping[str, npt.ArrayLike | str] | None = None,
         single_precision: bool = False,
+        resume_at: float | None = None,
     ) -> None:
         self.path = Path(path)
         if self.path.suffix != ".vtkhdf":
@@ -91,20 +91,50 @@ class VtkHdfSeries:
             raise OutputFileError(f"number_of_points is {number_of_points}; a series needs at least one point.")
         self.number_of_points = number_of_points
         self._float = np.dtype(np.float32 if single_precision else np.float64)
-        self._connectivity, self._offsets, self._types = _flat_cells(cells, number_of_points)
+        self._connectivity, self._offsets, self._types = flat_cells(cells, number_of_points)
         self.number_of_cells = len(self._types)
         self._static_points = self._data("static_point_data", static_point_data, number_of_points)
         self._static_cells = self._data("static_cell_data", static_cell_data, self.number_of_cells)
+        self._beside = {name: np.asarray(values) for name, values in (beside or {}).items()}
         self._frames = 0
+        self._frames_in_file = 0
         self._last_time = -np.inf
         # What the first frame declares: (group, name) -> (columns, type); later frames must match.
         self._declared: dict[tuple[str, str], tuple[tuple[int, ...], np.dtype[Any]]] = {}
         self._closed = False
+        if resume_at is not None and self.path.exists():
+            self._take_up(resume_at)
 
     @property
     def number_of_frames(self) -> int:
-        """How many frames the file holds."""
+        """How many frames the series has."""
         return self._frames
+
+    def _take_up(self, until: float) -> None:
+        """Goes on behind the frames of the file up to a time."""
+        with reading(self.path) as file:
+            times = step_times(file, self.path)
+            root = file["VTKHDF"]
+            expected = self._fixed() | {f"{BESIDE}/{name}": values for name, values in self._beside.items()}
+            expected["VTKHDF/NumberOfPoints"] = np.array([self.number_of_points])
+            for name, values in expected.items():
+                if not holds(file, name, values):
+                    raise OutputFileError(
+                        f"'{self.path}' can't be resumed: it is of another scene, its {name} differs. Resume with "
+                        "the scene that wrote it, or begin a new series under another name."
+                    )
+            static = grouped(self._static_points, self._static_cells)
+            self._declared = {
+                (group, name): (data.shape[1:], data.dtype)
+                for group in ("PointData", "CellData")
+                for name, data in root.get(group, {}).items()
+                if (group, name) not in static
+            }
+            if root["Points"].dtype != self._float:
+                raise OutputFileError(f"'{self.path}' can't be resumed: its points are {root['Points'].dtype}.")
+        self._frames_in_file = len(times)
+        self._frames = int(np.searchsorted(times, until, side="right"))
+        self._last_time = float(times[self._frames - 1]) if self._frames else -np.inf
 
     def write_frame(
         self,
@@ -137,12 +167,12 @@ class VtkHdfSeries:
         if positions.shape != (self.number_of_points, 3):
             raise OutputFileError(
                 f"The points of frame {self._frames} have shape {list(positions.shape)}, expected "
-                f"[{self.number_of_points}, 3]. {_FIXED_CELLS}"
+                f"[{self.number_of_points}, 3]. {FIXED_CELLS}"
             )
         on_points = self._data("point_data", point_data, self.number_of_points)
         on_cells = self._data("cell_data", cell_data, self.number_of_cells)
-        frame = _grouped(on_points, on_cells)
-        positions = positions.astype(self._float)
+        frame = grouped(on_points, on_cells)
+        positions = positions.astype(self._float, copy=False)
         self._check_same_data(frame)
 
         try:
@@ -159,6 +189,7 @@ class VtkHdfSeries:
             else:
                 with h5py.File(self.path, "r+") as file:
                     self._check_is_ours(file)
+                    _set_steps(file["VTKHDF/Steps"], self._frames)
                     try:
                         self._append(file, float(time), positions, frame)
                     except BaseException:
@@ -170,14 +201,16 @@ class VtkHdfSeries:
         self._declared = {key: (a.shape[1:], a.dtype) for key, a in frame.items()}
         self._last_time = float(time)
         self._frames += 1
+        self._frames_in_file = self._frames
 
     def _check_is_ours(self, file: h5py.File) -> None:
         steps = file.get("VTKHDF/Steps")
         frames = steps.attrs.get("NSteps", -1) if isinstance(steps, h5py.Group) else -1
-        if not np.array_equal(frames, self._frames):
+        if not np.array_equal(frames, self._frames_in_file):
             raise OutputFileError(
-                f"Frame {self._frames} was not written: '{self.path}' is not the series of {self._frames} frames that "
-                "was written there. Something else has changed the file; begin a new series under another name."
+                f"Frame {self._frames} was not written: '{self.path}' is not the series of {self._frames_in_file} "
+                "frames that was written there. Something else has changed the file; begin a new series under another "
+                "name."
             )
 
     def close(self) -> None:
@@ -204,17 +237,17 @@ class VtkHdfSeries:
         elif array.dtype.kind == "f":
             # What is too great for 4 bytes becomes infinite, which the test below reports.
             with np.errstate(over="ignore"):
-                array = array.astype(self._float)
+                array = array.astype(self._float if array.dtype.itemsize > 4 else np.float32)
         else:
             raise OutputFileError(f"{what} has type {array.dtype}; only numbers and booleans can be written.")
         if array.ndim not in (1, 2) or len(array) != rows or array.size == 0:
             raise OutputFileError(
-                f"{what} has shape {list(array.shape)}, expected [{rows}] or [{rows}, components]. {_FIXED_CELLS}"
+                f"{what} has shape {list(array.shape)}, expected [{rows}] or [{rows}, components]. {FIXED_CELLS}"
             )
         if array.dtype.kind == "f" and not np.isfinite(array).all():
             row = int(np.argwhere(~np.isfinite(array))[0, 0])
             raise OutputFileError(
-                f"{what} is not finite (NaN or infinite in {self._float}) at row {row}: {array[row]}. "
+                f"{what} is not finite (NaN or infinite in {array.dtype}) at row {row}: {array[row]}. "
                 "The simulation has most likely diverged; the frame was not written."
             )
         return array
@@ -228,7 +261,7 @@ class VtkHdfSeries:
         return checked
 
     def _check_same_data(self, frame: Mapping[tuple[str, str], Array]) -> None:
-        for group, name in frame.keys() & _grouped(self._static_points, self._static_cells).keys():
+        for group, name in frame.keys() & grouped(self._static_points, self._static_cells).keys():
             raise OutputFileError(f"{group} '{name}' is static data of this series: no frame can bring its own.")
         if self._frames == 0:
             return
@@ -254,9 +287,6 @@ class VtkHdfSeries:
         root["NumberOfPoints"] = np.array([self.number_of_points], dtype=np.int64)
         root["NumberOfCells"] = np.array([self.number_of_cells], dtype=np.int64)
         root["NumberOfConnectivityIds"] = np.array([len(self._connectivity)], dtype=np.int64)
-        root["Connectivity"] = self._connectivity
-        root["Offsets"] = self._offsets
-        root["Types"] = self._types
         _growing(root, "Points", (self.number_of_points, 3), self._float)
         steps = root.create_group("Steps")
         steps.attrs["NSteps"] = np.int64(0)
@@ -265,13 +295,24 @@ class VtkHdfSeries:
             _growing(steps, name, (1,), np.dtype(np.int64))
         for name in ("CellOffsets", "ConnectivityIdOffsets"):
             _growing(steps, name, (1, 1), np.dtype(np.int64))
-        static = _grouped(self._static_points, self._static_cells)
-        for (group, name), array in static.items():
-            root.require_group(group)[name] = array
+        static = grouped(self._static_points, self._static_cells)
+        for name, array in self._fixed().items():
+            file[name] = array
         for (group, name), array in frame.items():
             _growing(root.require_group(group), name, array.shape, array.dtype)
         for group, name in (*static, *frame):
             _growing(steps.require_group(f"{group}Offsets"), name, (1,), np.dtype(np.int64))
+        for name, array in self._beside.items():
+            file[f"{BESIDE}/{name}"] = array.item() if array.dtype.kind == "U" else array
+
+    def _fixed(self) -> dict[str, Array]:
+        """What does not change with the frames, by path in the file."""
+        cells = {"Connectivity": self._connectivity, "Offsets": self._offsets, "Types": self._types}
+        static = grouped(self._static_points, self._static_cells)
+        return {
+            **{f"VTKHDF/{name}": array for name, array in cells.items()},
+            **{f"VTKHDF/{group}/{name}": array for (group, name), array in static.items()},
+        }
 
     def _append(self, file: h5py.File, time: float, positions: Array, frame: Mapping[tuple[str, str], Array]) -> None:
         root = file["VTKHDF"]
@@ -282,7 +323,7 @@ class VtkHdfSeries:
         for (group, name), array in frame.items():
             _put(root[group][name], index * len(array), array)
             _put(steps[f"{group}Offsets"][name], index, np.array([index * len(array)]))
-        for group, name in _grouped(self._static_points, self._static_cells):
+        for group, name in grouped(self._static_points, self._static_cells):
             _put(steps[f"{group}Offsets"][name], index, np.array([0]))
         _put(steps["PointOffsets"], index, np.array([index * self.number_of_points]))
         _put(steps["PartOffsets"], index, np.array([0]))
@@ -293,44 +334,6 @@ class VtkHdfSeries:
         # Both leave when the file closes: HDF5 writes these few bytes at once, or else NSteps first.
         steps.attrs.modify("NSteps", np.int64(index + 1))
         _put(steps["Values"], index, np.array([time]))
-
-
-_FIXED_CELLS: Final = "A series has the same points and cells in all frames: begin another series for another mesh."
-
-
-def _flat_cells(cells: Mapping[str, npt.ArrayLike], number_of_points: int) -> tuple[Array, Array, Array]:
-    """Connectivity, offsets (one more than there are cells) and VTK's cell numbers."""
-    connectivity: list[Array] = []
-    sizes: list[Array] = [np.zeros(1, dtype=np.int64)]
-    types: list[Array] = []
-    for name, values in cells.items():
-        if name not in CELL_KINDS:
-            raise OutputFileError(f"Unknown kind of cell '{name}'; known are {', '.join(CELL_KINDS)}.")
-        number, arity = CELL_KINDS[name]
-        array: Array = plain_array(values, f"The cells '{name}'", OutputFileError)
-        if array.ndim != 2 or array.shape[1] != arity or array.dtype.kind not in "iu":
-            raise OutputFileError(
-                f"The cells '{name}' have shape {list(array.shape)} and type {array.dtype}, expected "
-                f"integers (point numbers) of shape [cells, {arity}]."
-            )
-        if array.size and (array.min() < 0 or array.max() >= number_of_points):
-            bad = int(np.argwhere((array < 0) | (array >= number_of_points))[0, 0])
-            raise OutputFileError(
-                f"Cell {bad} of '{name}' is {array[bad].tolist()}, but points are counted from 0 to "
-                f"{number_of_points - 1}."
-            )
-        connectivity.append(array.astype(np.int64).ravel())
-        sizes.append(np.full(len(array), arity, dtype=np.int64))
-        types.append(np.full(len(array), number, dtype=np.uint8))
-    if not sum(len(t) for t in types):
-        raise OutputFileError("A series needs at least one cell: ParaView shows no points without cells.")
-    return np.concatenate(connectivity), np.cumsum(np.concatenate(sizes)), np.concatenate(types)
-
-
-def _grouped(on_points: Mapping[str, Array], on_cells: Mapping[str, Array]) -> dict[tuple[str, str], Array]:
-    """The data under (group of the file, name)."""
-    grouped = {("PointData", name): array for name, array in on_points.items()}
-    return grouped | {("CellData", name): array for name, array in on_cells.items()}
 
 
 def _growing(group: h5py.Group, name: str, shape: tuple[int, ...], dtype: np.dtype[Any]) -> None:

@@ -52,7 +52,7 @@ needs_cuda = pytest.mark.skipif(
 COMPILED: dict[str, Callable[[], Scene]] = {
     "caged_contact": lambda: contact(cage),
     **SCENES,
-    "two_bunnies": lambda: two_bunnies(box(divisions=(1, 1, 1))).scene,
+    "two_bunnies": lambda: two_bunnies(box(divisions=(1, 1, 1)), Scene("two_bunnies")).scene,
 }
 
 

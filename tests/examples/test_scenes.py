@@ -1,0 +1,57 @@
+"""Every example at a small size: it runs without an intersection and passes its check; also from jittered starts."""
+
+from __future__ import annotations
+
+import importlib
+import json
+from pathlib import Path
+
+import pytest
+
+from yasps.frontend.commands.command_line import find_examples
+
+SCENES: dict[str, list[str]] = {
+    "card_house": ["--size", "1", "--frames", "3"],
+    "dominoes": ["--size", "3", "--frames", "90"],
+    "masonry_arch": ["--size", "3", "--frames", "12", "--friction", "0"],
+    "two_bunnies": ["--size", "1500", "--frames", "2"],
+}
+"""Name -> flags of a run of a few seconds that passes its check."""
+
+WITHOUT_STEPS: dict[str, list[str]] = {"hanging_chain": [], "laplacian_smoothing": ["--size", "1500"]}
+"""The same of examples without a simulation."""
+
+
+def run(name: str, flags: list[str]) -> int:
+    """Its exit code."""
+    code: int = importlib.import_module(f"yasps.examples.{name}").main(flags)
+    return code
+
+
+def test_every_example_is_here() -> None:
+    assert {*SCENES, *WITHOUT_STEPS} == set(find_examples())
+
+
+@pytest.mark.parametrize("name", SCENES)
+def test_a_scene_runs_and_passes_its_check(name: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert run(name, [*SCENES[name], "--headless", "--output", str(tmp_path)]) == 0
+    numbers = json.loads((tmp_path / f"{name}.json").read_text(encoding="utf-8"))
+    assert numbers["passed"]
+    assert numbers["frames"] == int(SCENES[name][SCENES[name].index("--frames") + 1])
+    assert numbers["newton_iterations"] >= 1
+    assert numbers["end"] in capsys.readouterr().out
+    assert (tmp_path / f"{name}.vtkhdf").is_file()
+
+
+@pytest.mark.parametrize("name", WITHOUT_STEPS)
+def test_an_example_without_steps_passes_its_check(name: str) -> None:
+    assert run(name, WITHOUT_STEPS[name]) == 0
+    assert run(name, [*WITHOUT_STEPS[name], "--seed", "1"]) == 0
+
+
+@pytest.mark.nightly
+@pytest.mark.parametrize("seed", range(1, 11))
+@pytest.mark.parametrize("name", SCENES)
+def test_jittered_scenes_pass_it_too(name: str, seed: int, tmp_path: Path) -> None:
+    """`Simulation.run` looks for intersections after every frame."""
+    assert run(name, [*SCENES[name], "--headless", "--seed", str(seed), "--output", str(tmp_path)]) == 0

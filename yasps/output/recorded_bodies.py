@@ -1,0 +1,217 @@
+"""What a results file says of its bodies besides their positions: names, colours, surfaces, half-spaces."""
+
+from __future__ import annotations
+
+import itertools
+import json
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, Final, Protocol, runtime_checkable
+
+import numpy as np
+from numpy.typing import NDArray
+
+from yasps.output.vtkhdf_layout import OutputFileError
+
+PALETTE: Final = ("#86c5f4", "#c2185b", "#f2b134", "#5c9e6b", "#8e6bbf", "#d9754a")
+"""Colours of bodies, in turn."""
+LIGHT_BLUE, DARK_PINK = PALETTE[:2]
+OBSTACLE_GREY: Final = "#a9adb6"
+"""Colour of what stands still."""
+
+Ids = NDArray[np.int32]
+Floats = NDArray[np.float64]
+
+
+class Shown(Protocol):
+    """A body, as far as output is concerned."""
+
+    name: str
+    triangles: Ids
+    edges: Ids
+    points: Ids
+    cells: Mapping[str, Ids]
+
+    @property
+    def stands_still(self) -> bool:
+        """Whether its vertices never move."""
+
+    def positions(self) -> Floats:
+        """[n, 3]."""
+
+    def radii(self) -> Floats:
+        """Of its vertices, [n]."""
+
+
+class Plane(Protocol):
+    """The boundary of a half-space."""
+
+    @property
+    def normal(self) -> tuple[float, float, float]:
+        """Unit vector out of the half-space."""
+
+    @property
+    def point(self) -> tuple[float, float, float]:
+        """Of the plane."""
+
+
+class SquareShape(Protocol):
+    """A square that stands for a plane."""
+
+    vertices: Floats
+
+
+@runtime_checkable
+class ShownHalfSpace(Protocol):
+    """A body without vertices: all that is below a plane."""
+
+    plane: Plane
+    shape: SquareShape
+
+
+@dataclass(frozen=True)
+class RecordedPlane:
+    """The boundary of a half-space."""
+
+    normal: tuple[float, float, float]
+    """Unit vector out of the half-space."""
+    point: tuple[float, float, float]
+    """[m]"""
+    size: float
+    """Side of the square that stands for it [m]."""
+
+
+@dataclass(frozen=True, eq=False)
+class RecordedBody:
+    """A body of a results file."""
+
+    name: str
+    kind: str
+    """Name of its class, such as "SoftBody"."""
+    color: str
+    """"#rrggbb"."""
+    stands_still: bool
+    """Whether its vertices never move."""
+    first: int
+    """Its first vertex among those of all bodies."""
+    count: int
+    """How many vertices it has; none for a half-space."""
+    triangles: Ids
+    """Its surface, [m, 3], numbered from 0 in the body, as all below."""
+    edges: Ids
+    """Those of rods, in no triangle, [k, 2]."""
+    points: Ids
+    """Loose vertices, [l]."""
+    radii: Floats
+    """Half the thickness at each vertex [m], [count]."""
+    plane: RecordedPlane | None = None
+    """Of a half-space."""
+
+    @property
+    def vertices(self) -> slice:
+        """Its rows in arrays over the vertices of all bodies."""
+        return slice(self.first, self.first + self.count)
+
+    @property
+    def two_sided(self) -> bool:
+        """Whether its surface has a rim, so that both sides are to be seen."""
+        sides = np.sort(self.triangles[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2), axis=1)
+        return bool(len(sides)) and bool((np.unique(sides, axis=0, return_counts=True)[1] == 1).any())
+
+
+def recorded_bodies(bodies: Sequence[Shown], colors: Mapping[str, str] | None = None) -> list[RecordedBody]:
+    """What is to be kept of bodies, in their order.
+
+    colors: name -> "#rrggbb", instead of the palette's in turn, or grey for what stands still. Raises OutputFileError
+    for a colour of no body or in another form.
+    """
+    colors = dict(colors or {})
+    for name, color in colors.items():
+        if name not in {body.name for body in bodies} or not re.fullmatch("#[0-9a-fA-F]{6}", color):
+            known = ", ".join(body.name for body in bodies)
+            raise OutputFileError(f"colors has {name!r}: {color!r}; it takes '#rrggbb' for the bodies {known}.")
+    found, first = [], 0
+    palette = itertools.cycle(PALETTE)
+    for body in bodies:
+        plane = None
+        if isinstance(body, ShownHalfSpace):
+            side = float(np.linalg.norm(body.shape.vertices[1] - body.shape.vertices[0]))
+            plane = RecordedPlane(body.plane.normal, body.plane.point, side)
+        color = OBSTACLE_GREY if body.stands_still else next(palette)
+        radii = np.array(body.radii(), np.float64)
+        found.append(
+            RecordedBody(
+                name=body.name,
+                kind=type(body).__name__,
+                color=colors.get(body.name, color),
+                stands_still=body.stands_still,
+                first=first,
+                count=len(radii),
+                triangles=np.asarray(body.triangles, np.int32).reshape(-1, 3),
+                edges=np.asarray(body.edges, np.int32).reshape(-1, 2),
+                points=np.asarray(body.points, np.int32).reshape(-1),
+                radii=radii,
+                plane=plane,
+            )
+        )
+        first += len(radii)
+    return found
+
+
+_ARRAYS: Final = {"triangles": (3, np.int32), "edges": (2, np.int32), "points": (1, np.int32), "radii": (1, np.float64)}
+"""Arrays of all bodies, one body after the other: columns and type."""
+
+
+def as_datasets(bodies: Sequence[RecordedBody], more: Mapping[str, Any]) -> dict[str, NDArray[Any] | str]:
+    """The bodies as a text in JSON, with `more`, and arrays beside it."""
+    told = []
+    for body in bodies:
+        entry = {name: getattr(body, name) for name in ("name", "kind", "color", "stands_still", "first", "count")}
+        entry |= {f"number_of_{name}": len(getattr(body, name)) for name in _ARRAYS}
+        if body.plane is not None:
+            entry["plane"] = {"normal": body.plane.normal, "point": body.plane.point, "size": body.plane.size}
+        told.append(entry)
+    datasets: dict[str, NDArray[Any] | str] = {"description": json.dumps({"bodies": told, **more}, indent=1)}
+    for name, (columns, dtype) in _ARRAYS.items():
+        parts = [np.asarray(getattr(body, name), dtype).reshape(-1, columns) for body in bodies]
+        datasets[name] = np.concatenate([np.empty((0, columns), dtype), *parts])
+    return datasets
+
+
+def from_datasets(description: Mapping[str, Any], arrays: Mapping[str, NDArray[Any]]) -> list[RecordedBody]:
+    """The bodies of a file. Raises KeyError, TypeError or ValueError for what is no description of bodies."""
+    found = []
+    begin = dict.fromkeys(_ARRAYS, 0)
+    for entry in description["bodies"]:
+        parts: dict[str, Any] = {}
+        for name, (columns, dtype) in _ARRAYS.items():
+            count = int(entry[f"number_of_{name}"])
+            rows = np.asarray(arrays[name][begin[name] : begin[name] + count], dtype)
+            if rows.shape != (count, columns):
+                raise ValueError(f"{name} of body {entry['name']!r} are missing")
+            if name != "radii" and count and not 0 <= rows.min() <= rows.max() < int(entry["count"]):
+                raise ValueError(f"{name} of body {entry['name']!r} name vertices that it does not have")
+            begin[name] += count
+            parts[name] = rows if columns > 1 else rows[:, 0]
+        plane = entry.get("plane")
+        if plane is not None:
+            normal, point = (tuple(float(x) for x in plane[part]) for part in ("normal", "point"))
+            if len(normal) != 3 or len(point) != 3:
+                raise ValueError(f"the plane of body {entry['name']!r} is none")
+            plane = RecordedPlane(normal, point, float(plane["size"]))
+        if not re.fullmatch("#[0-9a-fA-F]{6}", entry["color"]):
+            raise ValueError(f"the colour of body {entry['name']!r} is none")
+        found.append(
+            RecordedBody(
+                name=str(entry["name"]),
+                kind=str(entry["kind"]),
+                color=str(entry["color"]),
+                stands_still=bool(entry["stands_still"]),
+                first=int(entry["first"]),
+                count=int(entry["count"]),
+                plane=plane,
+                **parts,
+            )
+        )
+    return found
