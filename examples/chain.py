@@ -14,6 +14,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
+from yasps import SceneError
 from yasps.bodies import AffineBody, Body, HalfSpace, Obstacle
 from yasps.contact import ContactTable
 from yasps.meshes import TetrahedralMesh, TriangleMesh
@@ -73,7 +74,7 @@ def link() -> TetrahedralMesh:
 def build(options: Options) -> Simulation:
     """The chain along x, slack and level, each link turned by a quarter against the one before it."""
     if options.size < 3:
-        raise CheckFailedError(f"a chain that hangs has at least 3 links, got --size {options.size}")
+        raise SceneError(f"--size: a chain that hangs has at least 3 links, got {options.size}")
     scene = PROGRAM.scene(options)
     shape = link()
     count, pitch = options.size, SLACK * TAUT
@@ -113,9 +114,7 @@ def linking_number(first: NDArray[np.float64], second: NDArray[np.float64]) -> f
     r13, r14, r23, r24 = c - a, d - a, c - b, d - b
     faces = [np.cross(r13, r14), np.cross(r14, r24), np.cross(r24, r23), np.cross(r23, r13)]
     normals = [face / np.linalg.norm(face, axis=-1, keepdims=True) for face in faces]
-    angles = [
-        np.arcsin(np.clip((one * two).sum(axis=-1), -1.0, 1.0)) for one, two in pairwise([*normals, normals[0]])
-    ]
+    angles = [np.arcsin(np.clip((one * two).sum(axis=-1), -1.0, 1.0)) for one, two in pairwise([*normals, normals[0]])]
     sign = np.sign((np.cross(d - c, b - a) * r13).sum(axis=-1))
     return float((sign * sum(angles)).sum() / (4 * np.pi))
 
@@ -130,7 +129,9 @@ def check(simulation: Simulation, options: Options) -> str:
     middles = lines.mean(axis=1)
     apart = np.linalg.norm(np.diff(middles, axis=0), axis=1)
     if not apart.max() < TAUT + DISTANCE:
-        raise CheckFailedError(f"two links are {1e3 * apart.max():.2f} mm apart, a taut chain's are {1e3 * TAUT:.2f} mm")
+        raise CheckFailedError(
+            f"two links are {1e3 * apart.max():.2f} mm apart, a taut chain's are {1e3 * TAUT:.2f} mm"
+        )
     if simulation.time < HANGS:
         raise CheckFailedError(f"the chain hangs after {HANGS} s; the run ended at {simulation.time:.2f} s")
     sag = float(middles[0, 2] - middles[:, 2].min())

@@ -36,7 +36,9 @@ PROGRAM = SceneProgram(
     "cloth_on_sphere", __doc__, frames=250, time_step=0.01, size=60, size_means="cells along each side of the cloth"
 )
 PROGRAM.add_argument("--friction", type=float, default=0.4, help="coefficient everywhere (default 0.4)")
-PROGRAM.add_argument("--turning", type=float, default=180.0, help="speed of the sphere in degrees a second (default 180)")
+PROGRAM.add_argument(
+    "--turning", type=float, default=180.0, help="speed of the sphere in degrees a second (default 180)"
+)
 
 
 def angle_of_sphere(time: float, turning: float) -> float:
@@ -101,7 +103,9 @@ def check(simulation: Simulation, options: Options) -> str:
     """The cloth lies on the sphere, hardly stretched beyond the limit, and goes along with it if there is friction."""
     cloth = simulation.moving[0]
     if simulation.time < BEGINS:
-        raise CheckFailedError(f"the cloth has come to lie on the sphere at {BEGINS} s; the run ended at {simulation.time:.2f} s")
+        raise CheckFailedError(
+            f"the cloth has come to lie on the sphere at {BEGINS} s; the run ended at {simulation.time:.2f} s"
+        )
     x = cloth.positions()
     depth = float((RADIUS - np.linalg.norm(x - [0.0, 0.0, CENTRE], axis=1)).max())
     if depth > 0:
@@ -116,7 +120,9 @@ def check(simulation: Simulation, options: Options) -> str:
     of_sphere, of_cloth = angle_of_sphere(simulation.time, options.turning), turned(simulation)
     lag = abs((of_sphere - of_cloth + np.pi) % (2 * np.pi) - np.pi)
     if options.friction >= HOLDS and lag > np.radians(30.0):
-        raise CheckFailedError(f"the cloth is {np.degrees(lag):.0f} degrees behind the sphere, friction {options.friction}")
+        raise CheckFailedError(
+            f"the cloth is {np.degrees(lag):.0f} degrees behind the sphere, friction {options.friction}"
+        )
     if options.friction == 0.0 and abs(of_cloth) > np.radians(10.0):
         raise CheckFailedError(f"the cloth has turned by {np.degrees(of_cloth):.0f} degrees without friction")
     return (

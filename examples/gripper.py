@@ -45,17 +45,27 @@ def build(options: Options) -> Simulation:
     """The ball on the ground at z = 0 between two open fingers."""
     scene = PROGRAM.scene(options)
     shape = sphere(RADIUS, options.size)
-    ball = SoftBody(scene, "ball", shape.translated((0.0, 0.0, 0.98 * DISTANCE - shape.vertices[:, 2].min())), youngs_modulus=STIFFNESS)
+    ball = SoftBody(
+        scene,
+        "ball",
+        shape.translated((0.0, 0.0, 0.98 * DISTANCE - shape.vertices[:, 2].min())),
+        youngs_modulus=STIFFNESS,
+    )
     block = box(FINGER, (1, 1, 1))
     fingers = []
     for name, side in (("left_finger", -1.0), ("right_finger", 1.0)):
         start = block.translated((side * (1.3 * RADIUS + 0.5 * FINGER[0]), 0.0, RADIUS))
 
         def motion(time: float, start: NDArray[np.float64] = start.vertices, side: float = side) -> NDArray[np.float64]:
-            inwards, upwards = -side * (0.3 + SQUEEZE) * RADIUS * smooth(time, 0.0, CLOSED), LIFT * smooth(time, RISING, RAISED)
+            inwards, upwards = (
+                -side * (0.3 + SQUEEZE) * RADIUS * smooth(time, 0.0, CLOSED),
+                LIFT * smooth(time, RISING, RAISED),
+            )
             return start + np.array([inwards, 0.0, upwards])
 
-        fingers.append(MovingObstacle(scene, name, TriangleMesh(start.vertices, start.surface_triangles()), motion=motion))
+        fingers.append(
+            MovingObstacle(scene, name, TriangleMesh(start.vertices, start.surface_triangles()), motion=motion)
+        )
     simulation = Simulation(
         scene,
         [ball, *fingers, HalfSpace(scene, "ground")],
@@ -73,7 +83,9 @@ def lifting_forces(simulation: Simulation) -> tuple[float, float, float]:
     on_ball = forces.between_bodies()[forces.number_of("ball")]
     fingers = sum(on_ball[forces.number_of(name), 2] for name in ("left_finger", "right_finger"))
     terms = simulation.forces_by_term()
-    needed = -sum(terms[f"ball.vertices.{name}"]["ball.vertices.position"][:, 2].sum() for name in ("gravity", "inertia"))
+    needed = -sum(
+        terms[f"ball.vertices.{name}"]["ball.vertices.position"][:, 2].sum() for name in ("gravity", "inertia")
+    )
     return float(fingers), float(on_ball[forces.number_of("ground"), 2]), float(needed)
 
 
@@ -87,19 +99,25 @@ def print_forces(simulation: Simulation) -> None:
 def check(simulation: Simulation, options: Options) -> str:
     """The ball hangs between the fingers, which carry its weight; or with little friction it lies on the ground."""
     if simulation.time < STILL:
-        raise CheckFailedError(f"the fingers stand still at {RAISED} s and the ball hangs at {STILL} s; the run ended at {simulation.time:.2f} s")
+        raise CheckFailedError(
+            f"the fingers stand still at {RAISED} s and the ball hangs at {STILL} s; the run ended at {simulation.time:.2f} s"
+        )
     ball = simulation.moving[0]
     height, weight = float(ball.positions()[:, 2].min()), 9.8 * float(ball.mass.value.sum())
     fingers, _, needed = lifting_forces(simulation)
     is_lifted = height > 0.8 * LIFT
     if is_lifted and options.friction <= SLIPS:
-        raise CheckFailedError(f"the ball is lifted by {height:.3f} m with a friction of {options.friction}, which can't hold it")
+        raise CheckFailedError(
+            f"the ball is lifted by {height:.3f} m with a friction of {options.friction}, which can't hold it"
+        )
     if not is_lifted and options.friction >= HOLDS:
         raise CheckFailedError(f"the ball is {height:.3f} m high, the fingers rose by {LIFT} m: it slipped")
     if not is_lifted:
         return f"the ball slipped out of the fingers: {height:.4f} m high, friction {options.friction}"
     if not abs(fingers - weight) < 0.01 * weight:
-        raise CheckFailedError(f"the ball hangs still, but the fingers lift it with {fingers:.4f} N; it weighs {weight:.4f} N")
+        raise CheckFailedError(
+            f"the ball hangs still, but the fingers lift it with {fingers:.4f} N; it weighs {weight:.4f} N"
+        )
     if not abs(fingers - needed) < 1e-3 * weight:
         raise CheckFailedError(f"the fingers lift with {fingers:.5f} N, m (g + a) is {needed:.5f} N")
     return f"the ball hangs {height:.3f} m high; the fingers lift with {fingers:.4f} N, it weighs {weight:.4f} N"

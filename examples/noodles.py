@@ -38,7 +38,9 @@ def bowl(around: int = 48, rings: int = 14) -> TriangleMesh:
     angles = 2 * np.pi * np.arange(around) / around
     slopes = np.linspace(0.0, 0.5 * np.pi * SHARE, rings + 1)[1:]
     points = [[0.0, 0.0, -BOWL]]
-    points += [[BOWL * np.sin(s) * np.cos(a), BOWL * np.sin(s) * np.sin(a), -BOWL * np.cos(s)] for s in slopes for a in angles]
+    points += [
+        [BOWL * np.sin(s) * np.cos(a), BOWL * np.sin(s) * np.sin(a), -BOWL * np.cos(s)] for s in slopes for a in angles
+    ]
     ring = 1 + np.arange(rings * around).reshape(rings, around)
     inner, outer, after = ring[:-1], ring[1:], np.roll(ring, -1, axis=1)
     triangles = [np.stack([np.zeros(around, int), ring[0], after[0]], axis=-1)]
@@ -66,9 +68,7 @@ def strands(count: int) -> list[NDArray[np.float64]]:
 def build(options: Options) -> Simulation:
     """The noodles above the bowl, whose lowest point is on the ground."""
     scene = PROGRAM.scene(options)
-    noodles = Rod(
-        scene, "noodles", strands(options.size), radius=RADIUS, density=DENSITY, youngs_modulus=STIFFNESS
-    )
+    noodles = Rod(scene, "noodles", strands(options.size), radius=RADIUS, density=DENSITY, youngs_modulus=STIFFNESS)
     return Simulation(
         scene,
         [noodles, Obstacle(scene, "bowl", bowl()), HalfSpace(scene, "ground", height=-BOWL - DISTANCE)],
@@ -82,7 +82,9 @@ def build(options: Options) -> Simulation:
 def check(simulation: Simulation, options: Options) -> str:
     """All noodles are in the bowl, hardly stretched, and the bowl carries them."""
     if simulation.time < FALLEN:
-        raise CheckFailedError(f"the noodles are down in the bowl after {FALLEN} s; the run ended at {simulation.time:.2f} s")
+        raise CheckFailedError(
+            f"the noodles are down in the bowl after {FALLEN} s; the run ended at {simulation.time:.2f} s"
+        )
     noodles = simulation.moving[0]
     x = noodles.positions()
     outside = float(np.linalg.norm(x, axis=1).max())

@@ -92,7 +92,9 @@ def check(simulation: Simulation, options: Options) -> str:
     """Blocks within mu g / w^2 of the axis are where they were on the disc, those beyond are farther out."""
     limit = options.friction * GRAVITY / RATE**2
     starts = np.linalg.norm(places(options.size), axis=1)
-    ends = np.array([np.linalg.norm(body.positions().mean(axis=0)[:2]) for body in simulation.moving if body.name != "table"])
+    ends = np.array(
+        [np.linalg.norm(body.positions().mean(axis=0)[:2]) for body in simulation.moving if body.name != "table"]
+    )
     outwards = ends - starts
     holds, slides = starts < (1 - MARGIN) * limit, starts > (1 + MARGIN) * limit
     creep = SLIP_SPEED * simulation.time + DISTANCE
