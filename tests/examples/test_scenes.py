@@ -17,6 +17,7 @@ SCENES: dict[str, list[str]] = {
     "cloths_on_bunny": ["--size", "8", "--frames", "14", "--dt", "0.04"],
     "dominoes": ["--size", "3", "--frames", "90"],
     "many_bunnies_on_cloth": ["--size", "8", "--frames", "13", "--dt", "0.04", "--bunnies", "2"],
+    "lever": ["--size", "4", "--frames", "20"],
     "masonry_arch": ["--size", "3", "--frames", "12", "--friction", "0"],
     "mat_twist": ["--size", "400", "--frames", "45", "--speed", "50"],
     "two_bunnies": ["--size", "1500", "--frames", "2"],
