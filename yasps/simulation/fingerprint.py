@@ -49,7 +49,7 @@ def told(numbers: NDArray[Any]) -> str:
     """Few numbers as they are; of others the shape, and a digest."""
     if numbers.size <= SHOWN:
         return np.array2string(numbers.reshape(-1), floatmode="unique", separator=", ")
-    digest = hashlib.blake2b(np.ascontiguousarray(numbers), digest_size=8).hexdigest()
+    digest = hashlib.blake2b(np.ascontiguousarray(numbers).data, digest_size=8).hexdigest()
     return f"an array {list(numbers.shape)} of digest {digest}"
 
 
