@@ -93,17 +93,17 @@ def write_page(
     seen = _SeenVertices(series, bodies)
     while True:
         frames = list(dict.fromkeys([*range(0, len(series), every), len(series) - 1]))
-        text = _page_text(series, bodies, seen, frames)
+        text = _page_text(series, bodies, seen, frames).encode()
         if len(text) <= 1e6 * megabytes:
             break
         if len(frames) <= 2:
             raise OutputFileError(
-                f"A page with {len(frames)} frames of '{series.path.name}' has {len(text) / 1e6:.1f} MB, more than "
+                f"A page with {len(frames)} frames of '{series.path.name}' has {len(text) / 1e6:.2f} MB, more than "
                 f"{megabytes:g}. Allow it more megabytes, or export the file as USD."
             )
         every = max(every + 1, int(every * len(text) / (1e6 * megabytes)))
     try:
-        path.write_text(text, encoding="utf-8")
+        path.write_bytes(text)
     except OSError as error:
         raise OutputFileError(f"The page '{path}' can't be written: {error}") from error
     return Page(path, frames, len(series), len(text) / 1e6)
