@@ -75,6 +75,17 @@ def test_cloth_is_flat_and_unstretched_at_rest() -> None:
     assert values["cloth.hinges.bending"].sum() == pytest.approx(0.0, abs=1e-20)
 
 
+def test_cloth_has_the_contact_modulus_of_a_solid_of_like_cells() -> None:
+    """A force on a cell of size h moves it by force / (modulus h) in a solid, and by force / stretch in cloth."""
+    moduli = []
+    for cells in (4, 8):
+        cloth = Cloth(Scene("scene"), "cloth", cloth_grid((1.0, 1.0), (cells, cells)), stretch=100.0)
+        edges = np.diff(cloth.rest[cloth.triangles[:, [0, 1, 2, 0]]], axis=1)
+        moduli.append(cloth.contact_modulus)
+        assert cloth.contact_modulus == pytest.approx(100.0 / np.linalg.norm(edges, axis=2).mean())
+    assert moduli[1] == pytest.approx(2 * moduli[0])
+
+
 def test_a_single_triangle_is_cloth_without_hinges() -> None:
     scene = Scene("s", threads=1)
     shape = TriangleMesh(np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0]]), np.array([[0, 1, 2]], np.int32))

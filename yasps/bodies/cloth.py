@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import numpy as np
 from numpy.typing import ArrayLike
 
 from yasps import Scene, SceneError, materials
@@ -36,7 +37,8 @@ class Cloth(Body):
 
         area_density [kg/m^2]; stretch, shear [J/m^2]; bending [J]; compression: share of `stretch` that resists
         shortening; warp: direction of the warp threads, projected into each triangle; radius: half the thickness, see
-        `Body` [m]. Its contact modulus is `stretch` over the thickness, or over that of a cloth of 1000 kg/m^3.
+        `Body` [m]. Its contact modulus is `stretch` over the mean length of an edge, that of a solid whose cells of
+        this size give way as the cloth does: stiffer contact only makes the steps of Newton's method short.
 
         Raises SceneError, MeshError, DataError, NameTakenError.
         """
@@ -50,8 +52,8 @@ class Cloth(Body):
             raise MeshError(f"{name}: a cloth is a TriangleMesh, got {shape!r}")
         inverse, area = materials.rest_triangles(shape.vertices, shape.triangles, warp)
         super().__init__(scene, name, shape.vertices, radius)
-        thickness = 2 * float(self.radius.mean()) or area_density / 1000.0
-        self.contact_modulus = stretch / thickness
+        sides = shape.vertices[shape.triangles] - shape.vertices[np.roll(shape.triangles, 1, axis=1)]
+        self.contact_modulus = stretch / float(np.linalg.norm(sides, axis=2).mean())
         self.cells, self.triangles = {"triangle": shape.triangles}, shape.triangles
         self.vertices = self.mesh.add_primitive("vertices", num_instances=len(shape.vertices))
         position = self.vertices.add_attribute("position", rows=3, cols=1, value=shape.vertices)
