@@ -147,7 +147,7 @@ class MotionPictures:
         diagonal = float(np.linalg.norm(box[1] - box[0])) or 1.0
         x = series.positions(chosen[0])
         self._tubes: dict[str, Tubes] = {}
-        surfaces = []
+        surfaces: list[Surface] = []
         for body in self._drawn:
             surfaces += self._surfaces_of(body, x[body.vertices], 2e-3 * diagonal)
         if not surfaces:
