@@ -12,6 +12,7 @@ from yasps.frontend.commands.command_line import find_examples
 
 SCENES: dict[str, list[str]] = {
     "caged_bunny": ["--size", "8", "--frames", "13", "--dt", "0.04"],
+    "bunnies_in_container": ["--size", "2", "--affine", "1", "--frames", "8"],
     "card_house": ["--size", "1", "--frames", "3"],
     "cloths_on_bunny": ["--size", "8", "--frames", "14", "--dt", "0.04"],
     "dominoes": ["--size", "3", "--frames", "90"],
