@@ -4,10 +4,9 @@ from __future__ import annotations
 
 import os
 from collections.abc import Iterator
-from dataclasses import replace
 from pathlib import Path
 from types import TracebackType
-from typing import Any, Final, Self
+from typing import Final, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,7 +19,7 @@ from yasps.output.pictures import ColorScale, FramePictures, Image, Surface
 from yasps.output.recorded_bodies import RecordedBody
 from yasps.output.series import Series, read_series
 from yasps.output.tubes import Tubes
-from yasps.output.view import View, checked_view
+from yasps.output.view import View
 
 Floats = NDArray[np.float64]
 
@@ -37,7 +36,7 @@ def make_picture(
     *,
     frame: int = -1,
     field: str | None = None,
-    forces: bool = False,
+    forces: bool | None = None,
     view: View | None = None,
     size: tuple[int, int] = (1280, 960),
 ) -> Path:
@@ -48,7 +47,7 @@ def make_picture(
         path: ends in `.png` or `.jpg`.
         frame: from 0; -1 is the last.
         field: of the file, by whose size bodies are coloured, with a scale of all its frames.
-        forces: draw the field `contact_force` as arrows.
+        forces: draw the field `contact_force` as arrows; None: if it is there.
         view: instead of the file's own.
         size: width and height in pixels, even.
 
@@ -67,7 +66,7 @@ def make_animation(
     path: str | os.PathLike[str],
     *,
     field: str | None = None,
-    forces: bool = False,
+    forces: bool | None = None,
     view: View | None = None,
     size: tuple[int, int] = (960, 720),
     frames_per_second: float = 30.0,
@@ -116,7 +115,8 @@ class MotionPictures:
     """Frames of a results file, drawn: bodies in their colours, rods as tubes, what is level and stands still as the
     ground.
 
-    chosen: the frames that `show` draws, in order; the others as in `make_picture`.
+    chosen: the frames that `show` draws, in order. window: on the screen, see `FramePictures`. The others as in
+    `make_picture`.
     """
 
     def __init__(
@@ -124,13 +124,14 @@ class MotionPictures:
         series: Series,
         chosen: list[int],
         *,
-        field: str | None,
-        forces: bool,
-        view: View | None,
-        size: tuple[int, int],
+        field: str | None = None,
+        forces: bool | None = None,
+        view: View | None = None,
+        size: tuple[int, int] = (960, 720),
+        window: bool = False,
     ) -> None:
-        if (field is not None and field not in series.fields) or (forces and FORCES not in series.fields):
-            wanted = field if field is not None and field not in series.fields else FORCES
+        forces = FORCES in series.fields if forces is None else forces
+        for wanted in {field, FORCES if forces else None} - {None, *series.fields}:
             raise PictureError(
                 f"'{series.path}' has no field '{wanted}'; it has {', '.join(series.fields) or 'none'}. Record it with "
                 f"FrameRecorder(..., fields=[{', '.join(map(repr, (*series.fields, wanted)))}])."
@@ -140,8 +141,8 @@ class MotionPictures:
         aspect = size[0] / size[1]
         ground = ground_body(series)
         self._drawn = [body for body in series.bodies if body.count and body is not ground]
-        height = None if ground is None else _height(series, ground)
-        self._cameras = _cameras(series, chosen, view, aspect, height)
+        height = None if ground is None else level_height(series, ground)
+        self._cameras = cameras(series, chosen, view, aspect, height)
         box = seen_box(series, chosen, view)
         diagonal = float(np.linalg.norm(box[1] - box[0])) or 1.0
         x = series.positions(chosen[0])
@@ -165,10 +166,18 @@ class MotionPictures:
             view_direction=view.direction,
             planes=planes,
             scale=scale,
+            window=window,
         )
+        self.frames.look(*self._cameras[0])
 
     def show(self, k: int) -> Image:
         """The picture of the k-th of the chosen frames, [height, width, 3]."""
+        self.move(k)
+        self.frames.look(*self._cameras[k])
+        return self.frames.image()
+
+    def move(self, k: int) -> None:
+        """Moves all to the k-th of the chosen frames; the camera stays."""
         series, frame = self._series, self._chosen[k]
         x = series.positions(frame)
         values = None if self._field is None else sizes(series.field(self._field, frame))
@@ -184,8 +193,7 @@ class MotionPictures:
             vectors = series.field(FORCES, frame)
             strong = np.linalg.norm(vectors, axis=1) > self._least_force
             self.frames.show_arrows(x[strong], self._force_scale * vectors[strong])
-        self.frames.look(*self._cameras[k])
-        return self.frames.image()
+        self.frames.cast_shadows()
 
     def __enter__(self) -> Self:
         return self
@@ -197,7 +205,15 @@ class MotionPictures:
 
     def _surfaces_of(self, body: RecordedBody, x: Floats, thin: float) -> Iterator[Surface]:
         if len(body.triangles):
-            yield Surface(body.name, x, body.triangles, body.color, patterned=body.is_driven, open=body.two_sided)
+            yield Surface(
+                body.name,
+                x,
+                body.triangles,
+                body.color,
+                patterned=body.is_driven,
+                open=body.two_sided,
+                opacity=body.opacity,
+            )
         if len(body.edges) or len(body.points):
             self._tubes[body.name] = Tubes(body.edges, body.points, body.radii, thin)
             skin, triangles, _ = self._tubes[body.name].surface(x)
@@ -211,11 +227,11 @@ def sizes(values: Floats) -> Floats:
 
 def ground_body(series: Series) -> RecordedBody | None:
     """The lowest body that is level, looks up and stands still: the ground of pictures."""
-    level = [(height, body) for body in series.bodies if (height := _height(series, body)) is not None]
+    level = [(height, body) for body in series.bodies if (height := level_height(series, body)) is not None]
     return min(level, key=lambda one: one[0])[1] if level else None
 
 
-def _height(series: Series, body: RecordedBody) -> float | None:
+def level_height(series: Series, body: RecordedBody) -> float | None:
     """z of a level half-space or obstacle; None for any other body."""
     if body.plane is not None:
         return body.plane.point[2] if body.plane.normal[2] > 1 - 1e-9 else None
@@ -255,7 +271,7 @@ def _small_obstacles(series: Series, box: Floats) -> list[RecordedBody]:
     ]
 
 
-def _cameras(
+def cameras(
     series: Series, chosen: list[int], view: View, aspect: float, height: float | None
 ) -> list[tuple[Floats, Floats]]:
     """Eye and focus for each chosen frame."""
@@ -306,9 +322,3 @@ def _checked_frame(series: Series, frame: int) -> int:
 
 def _tube_name(body: RecordedBody) -> str:
     return f"{body.name} (rods)"
-
-
-def view_with(view: View, **changes: Any) -> View:
-    """A view with what is not None changed. Raises OutputFileError."""
-    changed = replace(view, **{name: value for name, value in changes.items() if value is not None})
-    return checked_view(changed.camera, changed.direction, changed.bounds, changed.speed)

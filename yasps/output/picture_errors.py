@@ -35,6 +35,15 @@ class PicturesUnavailable(YaspsError):  # noqa: N818 - a state of the machine, n
     """Pictures can't be made on this machine; the message says what to install."""
 
 
+def require_packages() -> None:
+    """Returns if pyvista and imageio are installed. Raises PicturesUnavailable."""
+    missing = [name for name in ("pyvista", "imageio") if importlib.util.find_spec(name) is None]
+    if missing:
+        raise PicturesUnavailable(
+            f"No pictures: {' and '.join(missing)} not installed. To get them: pip install 'yasps[examples]'"
+        )
+
+
 def require_pictures(probe: str = _PROBE) -> None:
     """Returns if pictures can be made here; takes about half a second, in a subprocess.
 
@@ -44,11 +53,7 @@ def require_pictures(probe: str = _PROBE) -> None:
     Raises:
         PicturesUnavailable: a package or a system library is missing; the message names what to install.
     """
-    missing = [name for name in ("pyvista", "imageio") if importlib.util.find_spec(name) is None]
-    if missing:
-        raise PicturesUnavailable(
-            f"No pictures: {' and '.join(missing)} not installed. To get them: pip install 'yasps[examples]'"
-        )
+    require_packages()
     try:
         tried = subprocess.run(
             [sys.executable, "-c", probe],

@@ -19,12 +19,14 @@ from yasps.frontend.language.arrays import plain_array, real_numbers
 from yasps.output.camera import VIEW_ANGLE, box_corners, camera_position
 from yasps.output.picture_errors import PictureError, quiet, require_pictures
 from yasps.output.picture_ground import GroundLines, plane_square, shadow_texture
-from yasps.output.recorded_bodies import LIGHT_BLUE, RecordedPlane
+from yasps.output.recorded_bodies import DARKER, LIGHT_BLUE, RecordedPlane, dark_sectors
 from yasps.output.sharp_edges import split_at_creases, vertex_normals
 
 Points = npt.NDArray[np.float64]
 Image = npt.NDArray[np.uint8]
 
+PICTURES: Final = (".png", ".jpg", ".jpeg")
+"""Endings of pictures."""
 _BACKGROUND: Final = ("#e7eaef", "#fdfdfe")  # bottom, top
 # (direction to the light, intensity): key, fill, and a light from behind that draws the outline.
 _LIGHTS: Final = (((-0.5, -0.8, 1.5), 0.72), ((1.5, -0.8, 0.6), 0.30), ((0.2, 1.5, 0.9), 0.32))
@@ -48,6 +50,7 @@ class Surface:
         smooth: normals vary over triangles, but for edges sharper than 40 degrees; False shows the facets.
         patterned: sectors of two tones, by which one sees it turn.
         open: it has a rim: what is behind its front is shown in a paler tone.
+        opacity: 1 hides what is behind it; what is clearer than that casts no shadow.
     """
 
     name: str
@@ -57,6 +60,7 @@ class Surface:
     smooth: bool = True
     patterned: bool = False
     open: bool = False
+    opacity: float = 1.0
 
 
 @dataclass(frozen=True)
@@ -85,6 +89,7 @@ class FramePictures:
         view_direction: from the scene towards the camera.
         planes: of half-spaces that are not the ground.
         scale: colours surfaces by the values that `move` gives them.
+        window: make them in a window on the screen, which whoever calls shows; by default nobody sees one.
 
     Raises:
         PictureError: wrong shapes, NaN, vertex numbers out of range, unknown colours or sizes.
@@ -101,6 +106,7 @@ class FramePictures:
         view_direction: tuple[float, float, float] = (0.35, -1.0, 0.32),
         planes: Sequence[RecordedPlane] = (),
         scale: ColorScale | None = None,
+        window: bool = False,
     ) -> None:
         names = [surface.name for surface in surfaces]
         if not surfaces or len(set(names)) != len(names):
@@ -109,6 +115,7 @@ class FramePictures:
             raise PictureError(f"window_size is {window_size}; width and height must be even and at least 2.")
         self._triangles = {surface.name: _checked_triangles(surface) for surface in surfaces}
         self._vertices = {surface.name: _checked_vertices(surface.name, surface.vertices, None) for surface in surfaces}
+        self._casting = [surface.name for surface in surfaces if surface.opacity >= 1.0]
         self._ground_height = ground_height
         box = self._scene_box() if bounds is None else real_numbers(bounds, "bounds", PictureError)
         if box.shape != (2, 3) or not (box[0] <= box[1]).all():
@@ -117,11 +124,13 @@ class FramePictures:
         self._diagonal = float(np.linalg.norm(box[1] - box[0])) or 1.0
         self._scale = scale
         camera = camera_position(box_corners(box), view_direction, window_size[0] / window_size[1])
-        require_pictures()
+        if not window:
+            require_pictures()
         with quiet():
-            self._draw_first(surfaces, window_size, planes)
+            self._draw_first(surfaces, window_size, planes, window=window)
             self._place_camera(*camera)
-            self._plotter.show(auto_close=False)
+            if not window:
+                self.plotter.show(auto_close=False)
 
     def move(self, name: str, vertices: npt.ArrayLike, values: npt.ArrayLike | None = None) -> None:
         """Gives a surface new vertices, shape [n, 3] with the same n, and with a scale, values of them, [n].
@@ -153,7 +162,7 @@ class FramePictures:
         import pyvista
 
         if self._arrows is not None:
-            self._plotter.remove_actor(self._arrows, render=False)
+            self.plotter.remove_actor(self._arrows, render=False)
             self._arrows = None
         if len(points) == 0:
             return
@@ -161,15 +170,19 @@ class FramePictures:
         cloud["vectors"], cloud["length"] = vectors, np.linalg.norm(vectors, axis=1)
         shape: Any = pyvista.Arrow(tip_length=0.3, tip_radius=0.09, shaft_radius=0.035, tip_resolution=12)
         arrows = cloud.glyph(orient="vectors", scale="length", factor=1.0, geom=shape)
-        self._arrows = self._plotter.add_mesh(arrows, color=_ARROW_COLOR, render=False, **_SURFACE)
+        self._arrows = self.plotter.add_mesh(arrows, color=_ARROW_COLOR, render=False, **_SURFACE)
+
+    def cast_shadows(self) -> None:
+        """Draws the shadows of surfaces where they are now."""
+        if self._ground is not None:
+            self._ground.texture = self._shadow_texture()
 
     def image(self) -> Image:
         """The scene as it is now, [height, width, 3] in 0..255."""
         with quiet():
-            if self._ground is not None:
-                self._ground.texture = self._shadow_texture()
-            self._plotter.render()  # a screenshot alone shows the frame before
-            return np.array(self._plotter.screenshot(None, return_img=True), dtype=np.uint8)
+            self.cast_shadows()
+            self.plotter.render()  # a screenshot alone shows the frame before
+            return np.array(self.plotter.screenshot(None, return_img=True), dtype=np.uint8)
 
     def save(self, path: str | os.PathLike[str]) -> Path:
         """Writes the scene as it is now as `.png` or `.jpg`.
@@ -180,7 +193,7 @@ class FramePictures:
         import imageio.v3 as imageio
 
         path = Path(path)
-        if path.suffix.lower() not in (".png", ".jpg", ".jpeg"):
+        if path.suffix.lower() not in PICTURES:
             raise PictureError(f"A picture's file name ends in '.png' or '.jpg', got '{path.name}'.")
         try:
             imageio.imwrite(path, self.image())
@@ -191,7 +204,7 @@ class FramePictures:
     def close(self) -> None:
         """Frees the window; no picture can be made afterwards."""
         with quiet():
-            self._plotter.close()
+            self.plotter.close()
 
     def __enter__(self) -> Self:
         return self
@@ -210,7 +223,7 @@ class FramePictures:
         return box
 
     def _draw_first(
-        self, surfaces: Sequence[Surface], window_size: tuple[int, int], planes: Sequence[RecordedPlane]
+        self, surfaces: Sequence[Surface], size: tuple[int, int], planes: Sequence[RecordedPlane], *, window: bool
     ) -> None:
         import pyvista
 
@@ -221,8 +234,8 @@ class FramePictures:
                 raise PictureError(
                     f"Surface '{surface.name}' has the unknown color '{surface.color}'; give a name or '#rrggbb'."
                 ) from error
-        plotter: Any = pyvista.Plotter(off_screen=True, window_size=list(window_size), lighting="none")
-        self._plotter = plotter
+        plotter: Any = pyvista.Plotter(off_screen=not window, window_size=list(size), lighting="none")
+        self.plotter = plotter
         plotter.set_background(_BACKGROUND[0], top=_BACKGROUND[1])
         self._meshes: dict[str, Any] = {}
         self._shown: dict[str, tuple[npt.NDArray[np.int64], npt.NDArray[np.int64]]] = {}
@@ -264,18 +277,20 @@ class FramePictures:
             look = {"scalars": "value", "clim": (self._scale.low, self._scale.high), "cmap": _COLOR_MAP, **_SURFACE}
             look["show_scalar_bar"] = False
         elif surface.patterned:
-            mesh.cell_data["tone"] = _two_tones(vertices[triangles].mean(axis=1), pyvista.Color(surface.color).int_rgb)
+            dark = dark_sectors(vertices[triangles].mean(axis=1))
+            tones = np.array(pyvista.Color(surface.color).int_rgb) * np.where(dark, DARKER, 1.0)[:, None]
+            mesh.cell_data["tone"] = np.round(tones).astype(np.uint8)
             look = {"scalars": "tone", "rgb": True, **_SURFACE}
         elif surface.open:
             back = 0.55 * np.array(pyvista.Color(surface.color).float_rgb) + 0.45
             look["backface_params"] = {"color": back.tolist(), **_SURFACE}
-        actor = self._plotter.add_mesh(mesh, **look)
+        actor = self.plotter.add_mesh(mesh, opacity=surface.opacity, **look)
         actor.prop.interpolation = "Phong" if surface.smooth else "Flat"
         self._meshes[surface.name] = mesh
 
     def _place_camera(self, eye: Points, focus: Points) -> None:
-        self._plotter.camera_position = [tuple(eye), tuple(focus), (0.0, 0.0, 1.0)]
-        self._plotter.camera.clipping_range = (1e-3 * self._diagonal, 40.0 * self._diagonal)
+        self.plotter.camera_position = [tuple(eye), tuple(focus), (0.0, 0.0, 1.0)]
+        self.plotter.camera.clipping_range = (1e-3 * self._diagonal, 40.0 * self._diagonal)
         if self._ground is not None and self._lines is not None:
             below = [*self._middle[:2], (self._ground_height or 0.0) - 1e-3 * self._diagonal]
             self._square.points[:] = self._flat + np.array(below)
@@ -283,7 +298,7 @@ class FramePictures:
             self._lines.move(self._middle)
 
     def _shadow_texture(self) -> Any:
-        bodies = [(self._vertices[name], self._triangles[name]) for name in self._vertices]
+        bodies = [(self._vertices[name], self._triangles[name]) for name in self._casting]
         side = _GROUND_SIDE * self._diagonal
         return shadow_texture(bodies, self._ground_height or 0.0, self._middle[:2], side, self._diagonal)
 
@@ -300,17 +315,6 @@ _BAR: Final = {
     "n_labels": 5,
     "fmt": "%.3g",
 }
-
-
-def _two_tones(middles: Points, color: Sequence[int]) -> npt.NDArray[np.uint8]:
-    """The colour of each triangle: itself or darker, in turn from sector to sector, seen from the middle of all."""
-    off = middles - 0.5 * (middles.min(axis=0) + middles.max(axis=0))
-    reach = np.abs(off).max(axis=0)
-    thick = reach > 0.2 * reach.max()  # a disc has sectors, no layers
-    dark = (off[:, thick] > 1e-9 * reach.max()).sum(axis=1) % 2 == 1
-    tones = np.tile(np.array(color[:3], np.float64), (len(middles), 1))
-    tones[dark] *= 0.72
-    return np.round(tones).astype(np.uint8)
 
 
 def _checked_vertices(name: str, values: npt.ArrayLike, expected: int | None) -> Points:

@@ -60,7 +60,7 @@ class FrameRecorder:
         name: of the files, without ending.
         pictures: False for the results file alone. Where the machine can't draw, a line on stderr says so.
         fields: numbers at each vertex that go with the positions: "velocity" [m/s], "contact_force" [N].
-        colors: name of a body -> "#rrggbb".
+        colors: name of a body -> "#rrggbb", or "#rrggbbaa" for glass.
         camera, view_direction, bounds, speed: see `View`; kept in the file for pictures that are made later, too.
         resume: go on in the file that is there, behind its frames up to the present time of the simulation; if there is
             none, begin one.
