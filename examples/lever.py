@@ -135,7 +135,7 @@ def build(options: Options) -> Simulation:
         raise SceneError(f"--size: a zigzag has two links or more, got {options.size}")
     scene = PROGRAM.scene(options)
     mobile = Mobile(scene, "mobile", options.size)
-    # Angles are far from linear: with Hessians that are always projected a step takes up to 100 iterations instead of 3.
+    # Angles are far from linear: with Hessians that are always projected a step takes up to 100 iterations, not 3.
     settings = NewtonSettings(
         velocity_tolerance=1e-4,
         relative_force_tolerance=1e-8,
