@@ -37,9 +37,9 @@ def both(name: str, flags: list[str]) -> tuple[Simulation, World]:
     ("name", "flags"),
     [
         pytest.param("cloths_on_bunny", ["--cloths", "1"], marks=pytest.mark.nightly),
-        pytest.param("many_bunnies_on_cloth", ["--bunnies", "2"], marks=pytest.mark.nightly),
+        pytest.param("many_bunnies_on_cloth", ["--bunnies", "2"], marks=pytest.mark.slow),
         pytest.param("caged_bunny", ["--bunnies", "2", "--element", "tet4"], marks=pytest.mark.nightly),
-        pytest.param("caged_bunny", ["--bunnies", "2", "--element", "hex8"], marks=pytest.mark.slow),
+        pytest.param("caged_bunny", ["--bunnies", "2", "--element", "hex8"], marks=pytest.mark.nightly),
     ],
 )
 def test_with_the_kit_and_by_hand_they_move_alike(name: str, flags: list[str], tmp_path: Path) -> None:
