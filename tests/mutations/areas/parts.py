@@ -17,7 +17,30 @@ KINDS = "yasps/meshes/element_kinds.py"
 ELEMENT_MESH = "yasps/meshes/element_mesh.py"
 ELEMENTS = "tests/meshes/test_element_mesh.py"
 
+ROD_BODY, RODS = "yasps/bodies/rod.py", "tests/bodies/test_rods.py"
+
 MUTATIONS = (
+    Mutation(
+        "rods of several strands are joined to one",
+        ROD_BODY,
+        "np.arange(start, end - count + 1)",
+        "np.arange(start, min(end, starts[-1] - count + 1))",
+        (f"{RODS}::test_several_rods_have_nothing_between_them",),
+    ),
+    Mutation(
+        "the second moment of area of a rod is that of torsion",
+        ROD_BODY,
+        "youngs_modulus * section * radius**2 / 4",
+        "youngs_modulus * section * radius**2 / 2",
+        (f"{RODS}::test_a_rod_has_what_its_name_says",),
+    ),
+    Mutation(
+        "each end of a rod's segment has the mass of all of it",
+        ROD_BODY,
+        "0.5 * density * section * lengths",
+        "density * section * lengths",
+        (f"{RODS}::test_a_rod_has_what_its_name_says",),
+    ),
     Mutation(
         "masses are lumped by sums of rows",
         KINDS,
@@ -114,9 +137,9 @@ MUTATIONS = (
     ),
     Mutation(
         "a state is without the base rotation",
-        "yasps/simulation/simulation.py",
-        '            one.update_value(state[f"history/{one.path}"])\n',
-        "            pass\n",
+        "yasps/simulation/state.py",
+        '        one.update_value(state[f"history/{one.path}"])\n',
+        "        pass\n",
         (
             f"{RIGID}::test_a_state_has_the_base_rotation",
             "tests/bodies/test_joints.py::test_a_state_has_the_turns_of_hinges",
