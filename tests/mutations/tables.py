@@ -13,6 +13,7 @@ from areas import (
     passes,
     projection,
     read_out,
+    results,
     scenes,
     solver,
     stepping,
@@ -35,4 +36,5 @@ AREAS: dict[str, tuple[Mutation, ...]] = {
     "stepping": stepping.MUTATIONS,
     "contact": contact.MUTATIONS,
     "read-out": read_out.MUTATIONS,
+    "results": results.MUTATIONS,
 }
