@@ -16,6 +16,7 @@ from areas import (
     results,
     scenes,
     solver,
+    states,
     stepping,
     structure,
 )
@@ -37,4 +38,5 @@ AREAS: dict[str, tuple[Mutation, ...]] = {
     "contact": contact.MUTATIONS,
     "read-out": read_out.MUTATIONS,
     "results": results.MUTATIONS,
+    "states": states.MUTATIONS,
 }
