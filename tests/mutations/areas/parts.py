@@ -138,7 +138,7 @@ MUTATIONS = (
     Mutation(
         "a cage's cells are all full",
         "yasps/bodies/caged_body.py",
-        "volumes = points.volumes * np.repeat(filled, 8)",
+        "volumes = points.volumes * np.repeat(filled, len(points.volumes) // len(filled))",
         "volumes = points.volumes",
         (f"{RIGID}::test_a_caged_ball_keeps_its_momentum_and_every_corner_is_held",),
     ),
