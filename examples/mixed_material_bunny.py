@@ -80,8 +80,8 @@ class MixedBunny(Body):
         self.ends = self.mesh.add_primitive("ends", num_instances=2)
         self.matrix = self.ends.add_attribute("affine_matrix", rows=3, cols=3, value=[np.eye(3)] * 2)
         translation = self.ends.add_attribute("translation", rows=3, cols=1, value=centers)
-        volumes = np.bincount(end_of, mass[parts["stiff"][order]]) / DENSITY
-        stiffness = self.ends.add_constant("stiffness", 1, 1, value=STIFF_MODULUS * volumes)
+        stiffnesses = STIFF_MODULUS * np.bincount(end_of, mass[parts["stiff"][order]]) / DENSITY
+        stiffness = self.ends.add_constant("stiffness", 1, 1, value=stiffnesses)
         rigid = materials.affine_orthogonality(self.matrix, stiffness)
         self.add_energy(self.ends.add_attribute("orthogonality", computed_attribute=rigid))
         stiff = self.mesh.add_primitive("stiff", num_instances=len(of["stiff"]))
@@ -103,10 +103,10 @@ class MixedBunny(Body):
         elements = self.mesh.add_primitive("tets", num_instances=len(tets))
         corners = elements.add_connectivity("corners", self.vertices, tets, 4)
         x = elements.add_attribute("positions", through=corners, source=position)
-        inverse, rest_volume = materials.rest_shape(shape.vertices, tets)
+        inverse, volumes = materials.rest_shape(shape.vertices, tets)
         gradient = materials.deformation_gradient(x, elements.add_constant("inverse", 3, 3, value=inverse))
         mu, lam = materials.stable_neo_hookean_parameters(YOUNGS_MODULUS, POISSON_RATIO)
-        rest_volume = elements.add_constant("rest_volume", 1, 1, value=rest_volume)
+        rest_volume = elements.add_constant("rest_volume", 1, 1, value=volumes)
         elastic = materials.stable_neo_hookean(gradient, mu, lam, rest_volume)
         self.add_energy(elements.add_attribute("elastic", computed_attribute=elastic))
 

@@ -8,17 +8,17 @@ from types import MappingProxyType
 import numpy as np
 from numpy.typing import ArrayLike
 
-from yasps import Attribute, DataError, Mesh, Primitive, Scene, SceneError
+from yasps import Attribute, DataError, Mesh, Primitive, PrimitiveUnion, Scene, SceneError
 from yasps.frontend.language.arrays import positive_number, real_numbers
 from yasps.meshes.tetrahedral_mesh import Float64Array, Int32Array
 
 
 class Body:
-    """A mesh of the scene with a primitive `vertices` and, on it, a 3x1 attribute `position`.
+    """A mesh of the scene with a primitive or UNION `vertices` and, on it, a 3x1 attribute `position`.
 
     Subclasses set:
 
-    - mesh: of the scene, by the body's name. vertices: its primitive, with `position` [m] and `rest_position` [m],
+    - mesh: of the scene, by the body's name. vertices: of it, with `position` [m] and `rest_position` [m],
       and, unless the body is fixed, `mass` [kg].
     - rest: positions at rest, [n, 3].
     - triangles: surface that takes part in contact, [m, 3]; edges: [k, 2], those of rods, in no triangle; points: ids
@@ -33,7 +33,7 @@ class Body:
     """
 
     mesh: Mesh
-    vertices: Primitive
+    vertices: Primitive | PrimitiveUnion
     rest: Float64Array
     triangles: Int32Array
     edges: Int32Array = np.empty((0, 2), np.int32)
