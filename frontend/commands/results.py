@@ -76,11 +76,9 @@ def _view(output: Any, chosen: argparse.Namespace) -> None:
         megabytes=chosen.megabytes,
         every=chosen.every,
     )
-    shown = len(page.frames)
-    left_out = (
-        f"; it has {shown} of {page.total} frames, to be no larger" if shown < page.total and chosen.every == 1 else ""
-    )
-    print(f"wrote {page.path}, {page.megabytes:.1f} MB, for any browser{left_out}", file=sys.stderr)
+    print(f"wrote {page.path}, {page.megabytes:.1f} MB, for any browser", file=sys.stderr)
+    if len(page.frames) < page.total:
+        print(f"it has {len(page.frames)} of {page.total} frames (see --megabytes and --every)", file=sys.stderr)
 
 
 def _picture(output: Any, chosen: argparse.Namespace) -> None:

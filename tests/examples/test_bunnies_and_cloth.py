@@ -95,7 +95,7 @@ def checked(block: Thing, cloth: Thing, motion: float = 0.0) -> str:
 
 def test_the_check_says_how_far_things_are() -> None:
     said = checked(*two_things(), motion=1.9)
-    assert said.startswith("1 bodies are above the cloth, which hangs 0.10 m deep from its corners; 1.9 J of 1.96 J")
+    assert said.startswith("bodies above the cloth: 1; it hangs 0.10 m deep from its corners; 1.9 J of 1.96 J")
     assert said.endswith("the flattest tetrahedron has 1.00 of its volume")
 
 

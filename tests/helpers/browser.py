@@ -55,11 +55,22 @@ class Browser:
     def open(self, page: Path) -> None:
         """Opens a file and waits until it says that it is ready, or that it has a problem."""
         self._post("/url", {"url": page.resolve().as_uri()})
+        self.wait_for(_READY)
+
+    def wait_for(self, script: str) -> Any:
+        """What `run` returns, as soon as that is something."""
         for _ in range(600):
-            if self.run(_READY):
-                return
+            if found := self.run(script):
+                return found
             time.sleep(0.1)
-        raise AssertionError(f"the page is not ready after a minute: {self.log()}")
+        raise AssertionError(f"the page did not come to `{script}` in a minute: {self.log()}")
+
+    def drag(self, right: int, down: int) -> None:
+        """Moves the mouse with its button held, from the middle of the window, by so many pixels."""
+        move = {"type": "pointerMove", "duration": 50, "origin": "pointer", "x": right, "y": down}
+        start = {"type": "pointerMove", "duration": 0, "x": 450, "y": 300}
+        actions = [start, {"type": "pointerDown", "button": 0}, move, {"type": "pointerUp", "button": 0}]
+        self._post("/actions", {"actions": [{"type": "pointer", "id": "mouse", "actions": actions}]})
 
     def run(self, script: str) -> Any:
         """What a function with this body returns in the page."""

@@ -16,6 +16,8 @@ VIEW_ANGLE: Final = 30.0
 """Over the height of the picture [degrees]."""
 MARGIN: Final = 1.12
 """Free space around the scene."""
+_TANGENT: Final = float(np.tan(np.radians(VIEW_ANGLE / 2))) / MARGIN
+"""Of half the view, upwards, without the margin."""
 
 
 def camera_position(points: Points, view_direction: tuple[float, float, float], aspect: float) -> tuple[Points, Points]:
@@ -34,6 +36,30 @@ def camera_position(points: Points, view_direction: tuple[float, float, float], 
     Raises:
         PictureError: the direction is zero or vertical.
     """
+    towards, right, up = _axes(view_direction)
+    centre = 0.5 * (points.min(axis=0) + points.max(axis=0))
+    depth = (points - centre) @ towards
+    distance, focus = 1e-6, centre
+    for axis, tangent in ((right, _TANGENT * aspect), (up, _TANGENT)):
+        across = (points - centre) @ axis
+        one, other = (across + tangent * depth).max(), (tangent * depth - across).max()
+        distance = max(distance, float(one + other) / (2 * tangent))
+        focus = focus + 0.5 * (one - other) * axis
+    return focus + distance * towards, focus
+
+
+def distance_to_see(points: Points, focus: Points, view_direction: tuple[float, float, float], aspect: float) -> float:
+    """How far from a point that the camera looks at it must be to see all points; see `camera_position`."""
+    towards, right, up = _axes(view_direction)
+    off = points - focus
+    return max(
+        float((off @ towards + abs(off @ axis) / tangent).max())
+        for axis, tangent in ((right, _TANGENT * aspect), (up, _TANGENT))
+    )
+
+
+def _axes(view_direction: tuple[float, float, float]) -> tuple[Points, Points, Points]:
+    """Unit vectors towards the eye, to the right and up in the picture. Raises PictureError."""
     towards = real_numbers(view_direction, "view_direction", PictureError).copy()
     if towards.shape != (3,):
         raise PictureError(f"view_direction is {view_direction}; it must be three numbers.")
@@ -42,17 +68,7 @@ def camera_position(points: Points, view_direction: tuple[float, float, float], 
         raise PictureError(f"view_direction is {view_direction}; it must not be zero or vertical (z is up).")
     towards /= np.linalg.norm(towards)
     right /= np.linalg.norm(right)
-    up = np.cross(towards, right)
-    centre = 0.5 * (points.min(axis=0) + points.max(axis=0))
-    depth = (points - centre) @ towards
-    tan_y = np.tan(np.radians(VIEW_ANGLE / 2)) / MARGIN
-    distance, focus = 1e-6, centre
-    for axis, tangent in ((right, tan_y * aspect), (up, tan_y)):
-        across = (points - centre) @ axis
-        one, other = (across + tangent * depth).max(), (tangent * depth - across).max()
-        distance = max(distance, float(one + other) / (2 * tangent))
-        focus = focus + 0.5 * (one - other) * axis
-    return focus + distance * towards, focus
+    return towards, right, np.cross(towards, right)
 
 
 def box_corners(bounds: Points) -> Points:

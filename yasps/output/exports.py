@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib
 import importlib.util
 import os
 from pathlib import Path
@@ -71,8 +72,7 @@ def _write_gltf(series: Series, path: Path, frame: int) -> Path:
     """One frame; glTF has y up, so all is turned about x."""
     if importlib.util.find_spec("trimesh") is None:
         raise OutputFileError("glTF needs trimesh, which is not installed. To get it: pip install 'yasps[gltf]'")
-    import trimesh
-
+    trimesh: Any = importlib.import_module("trimesh")  # which has types for a part of itself
     scene: Any = trimesh.Scene()
     for surface in shown_surfaces(series, frame):
         color = [int(surface.body.color[k : k + 2], 16) for k in (1, 3, 5)]

@@ -47,6 +47,8 @@ _MODULES: Final = {
     "orbit-controls": "three/OrbitControls.js",
 }
 """Of three.js, by the names under which they find each other."""
+_COMPRESSION: Final = 6
+"""Of zlib: 9 takes 2.5 times as long for 1.6 %."""
 _THIN: Final = 2e-3
 """Radius of rods without one, in diagonals of the scene."""
 
@@ -93,17 +95,17 @@ def write_page(
     seen = _SeenVertices(series, bodies)
     while True:
         frames = list(dict.fromkeys([*range(0, len(series), every), len(series) - 1]))
-        text = _page_text(series, bodies, seen, frames)
+        text = _page_text(series, bodies, seen, frames).encode()
         if len(text) <= 1e6 * megabytes:
             break
         if len(frames) <= 2:
             raise OutputFileError(
-                f"A page with {len(frames)} frames of '{series.path.name}' has {len(text) / 1e6:.1f} MB, more than "
+                f"A page with {len(frames)} frames of '{series.path.name}' has {len(text) / 1e6:.2f} MB, more than "
                 f"{megabytes:g}. Allow it more megabytes, or export the file as USD."
             )
         every = max(every + 1, int(every * len(text) / (1e6 * megabytes)))
     try:
-        path.write_text(text, encoding="utf-8")
+        path.write_bytes(text)
     except OSError as error:
         raise OutputFileError(f"The page '{path}' can't be written: {error}") from error
     return Page(path, frames, len(series), len(text) / 1e6)
@@ -155,7 +157,7 @@ def _page_text(series: Series, bodies: list[RecordedBody], seen: _SeenVertices, 
         "planes": [_told_plane(body, box) for body in series.bodies if body.plane is not None and body is not ground],
         "ground": ground and {"name": ground.name, "height": height, "spacing": round_spacing(diagonal / 5)},
     }
-    packed = zlib.compress(b"".join([*(part.tobytes() for part in integers), *data]), 9)
+    packed = zlib.compress(b"".join([*(part.tobytes() for part in integers), *data]), _COMPRESSION)
     viewer = resources.files("yasps.output") / "viewer"
     modules = {name: (viewer / file).read_text(encoding="utf-8") for name, file in _MODULES.items()}
     modules["three"] = modules["three"].replace('"./three.core.min.js"', '"three-core"')  # there is no folder here
@@ -197,19 +199,28 @@ def _told_body(body: RecordedBody, x: Floats, seen: _SeenVertices, placed: Any, 
 
 def _told_motion(series: Series, seen: _SeenVertices, frames: list[int]) -> tuple[list[bytes], dict[str, Any]]:
     """Bytes of positions and fields, and what the page must know to read them."""
-    x = np.stack([series.positions(frame)[seen.ids] for frame in frames])
-    low, high = x.min(axis=(0, 1)), x.max(axis=(0, 1))
+    low, high = np.full(3, np.inf), np.full(3, -np.inf)
+    ends = {name: [np.inf, -np.inf] for name in series.fields}
+    for frame in frames:
+        x = series.positions(frame)[seen.ids]
+        low, high = np.minimum(low, x.min(axis=0)), np.maximum(high, x.max(axis=0))
+        for name, (least, most) in ends.items():
+            values = sizes(series.field(name, frame)[seen.ids])
+            ends[name] = [min(least, float(values.min())), max(most, float(values.max()))]
     step = np.where(high > low, (high - low) / 65535, 1.0)
-    steps = np.round((x - low) / step).astype(np.uint16)
+    steps = np.empty((len(frames), len(seen.ids), 3), np.uint16)  # an eighth of the positions
+    shares = np.empty((len(series.fields), len(frames), len(seen.ids)), np.uint8)
+    for k, frame in enumerate(frames):
+        steps[k] = np.round((series.positions(frame)[seen.ids] - low) / step)
+        for number, (name, (least, most)) in enumerate(ends.items()):
+            values = sizes(series.field(name, frame)[seen.ids])
+            shares[number, k] = np.round(255 * (values - least) / (most - least)) if most > least else 0
     steps[1:] -= steps[:-1].copy()
-    data = [(steps & 255).astype(np.uint8).tobytes(), (steps >> 8).astype(np.uint8).tobytes()]
-    fields = []
-    for name in series.fields:
-        values = np.stack([sizes(series.field(name, frame)[seen.ids]) for frame in frames])
-        least, most = float(values.min()), float(values.max())
-        share = (values - least) / (most - least) if most > least else np.zeros_like(values)
-        data.append(np.round(255 * share).astype(np.uint8).tobytes())
-        fields.append({"name": name, "unit": series.units.get(name, ""), "low": least, "high": most})
+    data = [(steps & 255).astype(np.uint8).tobytes(), (steps >> 8).astype(np.uint8).tobytes(), shares.tobytes()]
+    fields = [
+        {"name": name, "unit": series.units.get(name, ""), "low": least, "high": most}
+        for name, (least, most) in ends.items()
+    ]
     about = {"vertices": len(seen.ids), "low": low.tolist(), "step": step.tolist(), "fields": fields}
     return data, about
 

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from scipy import ndimage
 
 from yasps.output.animation import Animation
-from yasps.output.camera import box_corners, camera_position
+from yasps.output.camera import box_corners, camera_position, distance_to_see
 from yasps.output.picture_errors import PictureError
 from yasps.output.pictures import ColorScale, FramePictures, Image, Surface
 from yasps.output.recorded_bodies import RecordedBody
@@ -26,7 +26,7 @@ Floats = NDArray[np.float64]
 FORCES: Final = "contact_force"
 _SEEN: Final = 3000
 """Vertices that the camera is fitted to, of each frame at most."""
-_SLOW: Final = 10.0
+_SLOW: Final = 10
 """Frames over which a camera that follows is smoothed."""
 
 
@@ -147,7 +147,7 @@ class MotionPictures:
         diagonal = float(np.linalg.norm(box[1] - box[0])) or 1.0
         x = series.positions(chosen[0])
         self._tubes: dict[str, Tubes] = {}
-        surfaces = []
+        surfaces: list[Surface] = []
         for body in self._drawn:
             surfaces += self._surfaces_of(body, x[body.vertices], 2e-3 * diagonal)
         if not surfaces:
@@ -287,12 +287,21 @@ def cameras(
         if height is not None:  # the ground right below, so that one sees what bodies stand or will fall on
             points = np.vstack([points, [*points.mean(axis=0)[:2], height]])
         return [camera_position(points, view.direction, aspect)] * len(chosen)
-    found = [camera_position(series.positions(frame)[rows], view.direction, aspect) for frame in chosen]
-    focus = ndimage.gaussian_filter1d(np.array([f for _, f in found]), _SLOW, axis=0, mode="nearest")
+    seen = [series.positions(frame)[rows] for frame in chosen]
+    focus = _smooth(np.array([camera_position(x, view.direction, aspect)[1] for x in seen]))
+    away = [distance_to_see(x, place, view.direction, aspect) for x, place in zip(seen, focus, strict=True)]
+    distance = _smooth(ndimage.maximum_filter1d(away, 4 * _SLOW + 1, mode="nearest"))
     towards = np.array(view.direction) / np.linalg.norm(view.direction)
-    distance = ndimage.maximum_filter1d([np.linalg.norm(e - f) for e, f in found], int(4 * _SLOW) + 1, mode="nearest")
-    distance = ndimage.gaussian_filter1d(distance, _SLOW, mode="nearest")
     return [(place + far * towards, place) for place, far in zip(focus, distance, strict=True)]
+
+
+def _smooth(values: Floats) -> Floats:
+    """Values of frames, [frames, ...], without what is quick; at the ends they go on as they came."""
+    if len(values) == 1:
+        return values
+    width = [(4 * _SLOW, 4 * _SLOW)] + [(0, 0)] * (values.ndim - 1)
+    longer = np.pad(values, width, mode="reflect", reflect_type="odd")
+    return np.asarray(ndimage.gaussian_filter1d(longer, _SLOW, axis=0)[4 * _SLOW : -4 * _SLOW])
 
 
 def _largest(series: Series, field: str) -> float:

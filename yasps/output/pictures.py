@@ -123,6 +123,7 @@ class FramePictures:
         self._middle = box.mean(axis=0)
         self._diagonal = float(np.linalg.norm(box[1] - box[0])) or 1.0
         self._scale = scale
+        self._arrows: Any = None
         camera = camera_position(box_corners(box), view_direction, window_size[0] / window_size[1])
         if not window:
             require_pictures()
@@ -239,7 +240,6 @@ class FramePictures:
         plotter.set_background(_BACKGROUND[0], top=_BACKGROUND[1])
         self._meshes: dict[str, Any] = {}
         self._shown: dict[str, tuple[npt.NDArray[np.int64], npt.NDArray[np.int64]]] = {}
-        self._arrows: Any = None
         for surface in surfaces:
             self._add_surface(surface)
         if self._scale is not None:
