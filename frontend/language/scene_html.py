@@ -56,7 +56,7 @@ def _rows(entity: Entity, scene: Scene) -> Iterator[str]:
     held: list[Attribute | Connectivity] = [*entity.attributes.values()]
     if isinstance(entity, PrimitiveBase):
         held = [*entity.connectivities.values(), *held]
-    if isinstance(entity, PrimitiveUnion) or not held:
+    if isinstance(entity, PrimitiveUnion) or (isinstance(entity, PrimitiveBase) and not held):
         what = f"union of {', '.join(m.path for m in entity.members)}" if isinstance(entity, PrimitiveUnion) else ""
         yield _row([*first, "", "", what])
         first = ["", ""]
