@@ -21,6 +21,7 @@ from benchmarks import (
     elements,
     friction,
     indices,
+    lines_of_code,
     memory,
     opcounts,
     parts,
@@ -84,6 +85,7 @@ BENCHMARKS = {
     "opcounts": Benchmark(opcounts.DESCRIPTION, 1, opcounts.run),
     "symbolic": Benchmark(symbolic.DESCRIPTION, 1, symbolic.run),
     "codegrowth": Benchmark(codegrowth.DESCRIPTION, 1, codegrowth.run),
+    "loc": Benchmark(lines_of_code.DESCRIPTION, 1, lines_of_code.run),
 }
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import argparse
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Protocol
@@ -15,6 +16,7 @@ from yasps.program import CheckFailedError
 DIAGONAL = 1.0  # m, of the box around a bunny
 CLOTH = "cloth_0"
 GRAVITY = 9.8  # m/s^2
+VIEW = (0.35, -1.0, 0.75)  # from the scene towards the camera
 
 
 class Thing(Protocol):
@@ -28,6 +30,13 @@ class Thing(Protocol):
         """[n, 3]."""
 
 
+def number_of(text: str) -> int:
+    """A number of bodies, of a flag. Raises argparse.ArgumentTypeError."""
+    if not text.isdecimal():
+        raise argparse.ArgumentTypeError(f"it is a number of bodies, 0 or more, got {text!r}")
+    return int(text)
+
+
 def bunny_shape(size: int, mesh: Path | None) -> TetrahedralMesh:
     """The bunny, its middle at the origin: of a file with y up, or the rabbit, as fine as a cloth of `size` cells."""
     if mesh is not None:
@@ -36,6 +45,11 @@ def bunny_shape(size: int, mesh: Path | None) -> TetrahedralMesh:
         shape = rabbit(max(1500, round(1.9 * size**2)))
     low, high = shape.bounds
     return shape.translated(-0.5 * (low + high)).scaled(DIAGONAL / float(np.linalg.norm(high - low)))
+
+
+def place_of_bunny(number: int) -> tuple[float, float, float]:
+    """Of the middle of one of many bunnies [m]: two beside each other, the next two above them."""
+    return 0.4 * (-1) ** (number + number // 2), 0.0, 0.8 + 0.9 * (number // 2)
 
 
 def cloth_corners(cells: int) -> list[int]:
@@ -69,8 +83,9 @@ def check_end(things: Sequence[Thing], masses: Mapping[str, NDArray[np.float64]]
         raise CheckFailedError(f"the motion has {motion:.6g} J, but only {fallen:.6g} J came from falling")
     lowest = float((cloth.positions() - cloth.rest)[:, 2].min())
     return (
-        f"{len(things) - 1} bodies are above the cloth, which hangs {-lowest:.2f} m deep from its corners; of {fallen:.3g}"
-        f" J from falling {motion:.3g} J are left as motion, and the flattest tetrahedron has {worst:.2f} of its volume"
+        f"{len(things) - 1} bodies are above the cloth, which hangs {-lowest:.2f} m deep from its corners;"
+        f" {motion:.3g} J of {fallen:.3g} J from falling are left as motion, and the flattest tetrahedron has"
+        f" {worst:.2f} of its volume"
     )
 
 

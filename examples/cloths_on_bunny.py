@@ -9,8 +9,8 @@ The numbers are the paper's, in units that mean something:
 - A cloth's stiffness [J/m^2] is the paper's in pascals times the thickness of 1 mm, and so is its bending stiffness:
   0.055 is E h^2 / (24 (1 - nu^2)) of 1 MPa, 0.49 and 1 mm.
 - The paper's barrier (`--barrier paper`) is kappa (D - H)^2 log(D / H)^2 of squared distances D with kappa = 1e6 in an
-  energy that is multiplied by dt^2; that is 1e10 J/m^4 here. It knows no areas. The default is the barrier in pascals,
-  at the same activation distance, with a tenth of the bunny's Young's modulus.
+  energy that is multiplied by dt^2; that is 1e10 J/m^4 here. It knows no areas. The default is the kit's barrier in
+  pascals, at the same activation distance, with a tenth of the softer body's modulus.
 - The bunny's mass is spread by volume; the paper spreads it evenly over vertices.
 """
 
@@ -19,9 +19,10 @@ from __future__ import annotations
 import sys
 from collections.abc import Sequence
 
+from yasps import Scene
 from yasps.bodies import Cloth, SoftBody
-from yasps.examples.bunnies_and_cloth import bunny_shape, check_end, cloth_corners
-from yasps.meshes import cloth_grid
+from yasps.examples.bunnies_and_cloth import VIEW, bunny_shape, check_end, cloth_corners, number_of
+from yasps.meshes import TetrahedralMesh, cloth_grid
 from yasps.program import Options, SceneProgram
 from yasps.simulation import Simulation
 from yasps.stepping import NewtonSettings
@@ -30,14 +31,16 @@ from yasps.stepping import NewtonSettings
 LIFT = 0.8  # m, of the bunny's middle above the lower cloth
 MASS = 1.0  # kg, of the bunny and of each cloth
 YOUNGS_MODULUS, POISSON_RATIO = 10259.25, 0.20457  # Pa, of the bunny
-WIDTH, UPPER_WIDTH = 5.0, 3.75  # m, of cloths
+WIDTH = 5.0  # m, of the lower cloth
+UPPER_WIDTH = 3.75  # m, of the others
 THICKNESS = 1e-3  # m, of cloths
 STRETCH, SHEAR, BENDING = 335570.47 * THICKNESS, 100607.11 * THICKNESS, 0.055 * THICKNESS  # J/m^2, J/m^2, J
 COMPRESSION = 0.01  # of the stretch stiffness where a cloth is shortened
 DISTANCE = 1e-3  # m, of activation
-STIFFNESS = {"log": 0.1 * YOUNGS_MODULUS, "paper": 1e10}  # Pa and J/m^4, of contact
+STIFFNESS = {"log": None, "paper": 1e10}  # J/m^4, of contact; None: by the moduli of bodies
 TOLERANCE = 1e-2  # m/s, of Newton's method
 
+# --- Program ---
 PROGRAM = SceneProgram(
     "cloths_on_bunny",
     __doc__,
@@ -47,38 +50,49 @@ PROGRAM = SceneProgram(
     size_means="cells along each side of a cloth; the rabbit is about as fine",
     mesh_means="tetrahedral mesh with y up, instead of the rabbit",
 )
-PROGRAM.add_argument("--cloths", type=int, default=1, metavar="N", help="how many fall on the bunny (1)")
+PROGRAM.add_argument("--cloths", type=number_of, default=1, metavar="N", help="how many fall on the bunny (1)")
 PROGRAM.add_argument("--barrier", choices=tuple(STIFFNESS), default="log", help="of contact (log)")
 
 
-def build(options: Options) -> Simulation:
-    """The bunny between the lower cloth and the others."""
-    scene = PROGRAM.scene(options)
-    shape = bunny_shape(options.size, options.mesh)
-    # --- Integration ---
-    bunny = SoftBody(
+# --- Integration ---
+def add_soft_bunny(scene: Scene, name: str, shape: TetrahedralMesh) -> SoftBody:
+    """Stable Neo-Hookean tetrahedra."""
+    return SoftBody(
         scene,
-        "bunny",
-        shape.translated((0.0, 0.0, LIFT)),
+        name,
+        shape,
         density=MASS / float(shape.volumes().sum()),
         youngs_modulus=YOUNGS_MODULUS,
         poisson_ratio=POISSON_RATIO,
     )
-    cloths = []
-    for number in range(options.cloths + 1):
-        width, height = (UPPER_WIDTH, 2.0 * number - 0.2) if number else (WIDTH, 0.0)
-        cloth = Cloth(
-            scene,
-            f"cloth_{number}",
-            cloth_grid((width, width), (options.size, options.size), height),
-            area_density=MASS / width**2,
-            stretch=STRETCH,
-            shear=SHEAR,
-            bending=BENDING,
-            compression=COMPRESSION,
-        )
-        cloths.append(cloth)
-    # --- Collision ---
+
+
+def add_cloth(scene: Scene, name: str, width: float, height: float, cells: int) -> Cloth:
+    """A level square of so many cells along each side."""
+    return Cloth(
+        scene,
+        name,
+        cloth_grid((width, width), (cells, cells), height),
+        area_density=MASS / width**2,
+        stretch=STRETCH,
+        shear=SHEAR,
+        bending=BENDING,
+        compression=COMPRESSION,
+    )
+
+
+# --- Initialisation ---
+def build(options: Options) -> Simulation:
+    """The bunny between the lower cloth and the others."""
+    scene = PROGRAM.scene(options)
+    shape = bunny_shape(options.size, options.mesh)
+    bunny = add_soft_bunny(scene, "bunny", shape.translated((0.0, 0.0, LIFT)))
+    cloths = [add_cloth(scene, "cloth_0", WIDTH, 0.0, options.size)]
+    cloths += [
+        add_cloth(scene, f"cloth_{number}", UPPER_WIDTH, 2.0 * number - 0.2, options.size)
+        for number in range(1, options.cloths + 1)
+    ]
+    # --- Newton iteration ---
     simulation = Simulation(
         scene,
         [bunny, *cloths],
@@ -93,6 +107,7 @@ def build(options: Options) -> Simulation:
     return simulation
 
 
+# --- Program ---
 def check(simulation: Simulation, options: Options) -> str:
     """See `check_end`."""
     masses = {body.name: body.mass.value for body in simulation.bodies}
@@ -101,7 +116,7 @@ def check(simulation: Simulation, options: Options) -> str:
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Entry point of `yasps run cloths_on_bunny`."""
-    return PROGRAM.run(arguments, build, check)
+    return PROGRAM.run(arguments, build, check, view_direction=VIEW)
 
 
 if __name__ == "__main__":

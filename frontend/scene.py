@@ -8,10 +8,10 @@ import weakref
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, TypedDict, Unpack, cast, overload
+from typing import TYPE_CHECKING, Any, TypedDict, Unpack, cast, overload
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from yasps.backend.reference.scene_data import save_scene_data
 from yasps.dialects.mat import spell
@@ -29,6 +29,7 @@ from yasps.frontend.language.mesh import Mesh
 from yasps.frontend.language.nodes import FloatArray, Stored
 from yasps.frontend.language.paper_names import SceneNames
 from yasps.frontend.language.scene_lock import lock_of, one_thread_at_a_time
+from yasps.frontend.language.scene_numbers import formulas_of, numbers_of, set_numbers
 from yasps.frontend.language.spelling import both_spellings, paper_spelling
 from yasps.runtime.build.cache import file_name
 from yasps.runtime.build.toolchain import find_compiler
@@ -142,6 +143,28 @@ class Scene(SceneNames, Entity):
     def minimize_targets(self) -> tuple[Attribute, ...]:
         """Minimisation targets, in order."""
         return tuple(self._targets)
+
+    # -- all of it -----------------------------------------------------------------------------------------
+
+    @one_thread_at_a_time
+    def numbers(self) -> dict[str, NDArray[Any]]:
+        """All numbers that were set and all indices, by their paths: [instances, rows, columns] of stored attributes,
+        [instances, arity] of connectivities. They are read-only and change when the scene's do: copy what you keep."""
+        return numbers_of(self)
+
+    @one_thread_at_a_time
+    def set_numbers(self, values: Mapping[str, ArrayLike]) -> None:
+        """Sets numbers and indices by their paths, all or none; what is the same already is left alone.
+
+        Raises SceneError for a path that is not there, DataError, ConnectivityError.
+        """
+        set_numbers(self, values)
+
+    @one_thread_at_a_time
+    def formulas(self) -> dict[str, str]:
+        """A digest of every energy's formula by its path: of operations, shapes and the names of what it reads, but of
+        no numbers that can be set."""
+        return formulas_of(self)
 
     # -- construction --------------------------------------------------------------------------------------
 

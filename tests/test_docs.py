@@ -302,6 +302,12 @@ def test_frames_of_a_rod_are_carried_along() -> None:
     assert names["twists"].shape == (1,)
 
 
+def test_the_results_of_the_document(capsys: pytest.CaptureFixture[str]) -> None:
+    (code,) = blocks(ROOT / "docs" / "results.md", "python")
+    run(code, "docs/results.md")
+    assert capsys.readouterr().out == "[0.   0.01 0.02 0.03] ['die', 'ground']\n"
+
+
 def test_every_energy_has_its_line() -> None:
     """In docs/parts.md, with its width and time as `python -m benchmarks parts` prints them."""
     text = PARTS.read_text(encoding="utf-8")
@@ -321,6 +327,7 @@ def test_every_python_block_is_run() -> None:
         "language.md": 6,
         "parameterisations.md": 1,
         "parts.md": 1,
+        "results.md": 1,
     }
     assert {name: count for name, count in shown.items() if count} == run
 

@@ -1,4 +1,5 @@
-"""The command `yasps`: run or explain an example or a script, list the examples, describe the machine."""
+"""The command `yasps`: run or explain an example or a script, show what it left, list the examples, describe the
+machine."""
 
 import argparse
 import ast
@@ -15,6 +16,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
+from yasps.frontend.commands import results
 from yasps.frontend.commands.environment_report import environment_report, package_version
 from yasps.frontend.errors import YaspsError
 from yasps.runtime.build.cuda.nvcc import CudaNotFoundError
@@ -59,6 +61,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
             _explain(chosen.target, chosen.arguments)
         elif chosen.command == "info":
             _print_aligned(environment_report())
+        elif chosen.command in results.COMMANDS:
+            results.run(chosen)
         else:
             _print_aligned({example.name: example.summary for example in find_examples().values()})
     except (YaspsError, CompilerNotFoundError, CacheFolderError, CudaNotFoundError, NoDeviceError) as error:
@@ -160,6 +164,7 @@ def _parser() -> argparse.ArgumentParser:
     teller = commands.add_parser("explain", help="say what the compiler makes of each energy of an example or a file")
     teller.add_argument("target", metavar="FILE|EXAMPLE", help="as for run; it ends at its first scene with energies")
     teller.add_argument("arguments", nargs=argparse.REMAINDER, metavar="...", help="given on to what is run")
+    results.add_parsers(commands)
     commands.add_parser("examples", help="list the examples")
     commands.add_parser("info", help="describe this machine and installation, for bug reports")
     return parser

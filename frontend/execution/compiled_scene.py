@@ -184,6 +184,15 @@ class CompiledScene(InScene, ABC):
     def hessian_groups(self) -> list[BlockGroup]:
         """The blocks of the assembled Hessian by shape, on the host; of one place there may be several."""
 
+    @property
+    def direct_solves_left(self) -> int:
+        """How many of the next systems solver="auto" gives to the direct solver; 0 on a device that has none."""
+        return 0
+
+    @direct_solves_left.setter
+    def direct_solves_left(self, count: int) -> None:
+        """For a state that goes on elsewhere."""
+
     # -- code ----------------------------------------------------------------------------------------------
 
     @property

@@ -52,6 +52,15 @@ class CpuScene(CompiledScene):
         self._solver = LinearSolver(runtime, deterministic=deterministic)
         super().__init__(request)
 
+    @property
+    def direct_solves_left(self) -> int:
+        """See `LinearSolver`."""
+        return self._solver.direct_left
+
+    @direct_solves_left.setter
+    def direct_solves_left(self, count: int) -> None:
+        self._solver.direct_left = count
+
     def _key(self) -> Sequence[str]:
         return [str(self.runtime.compiler.has_vector_math)]
 

@@ -160,6 +160,12 @@ class SceneNames:
     def minimizeTargets(self) -> tuple[Attribute, ...]:
         """Minimisation targets, in order."""
 
+    def setNumbers(self, values: Mapping[str, ArrayLike]) -> None:
+        """Sets numbers and indices by their paths, all or none; what is the same already is left alone.
+
+        Raises SceneError for a path that is not there, DataError, ConnectivityError.
+        """
+
     def addMesh(self, name: str) -> Mesh:
         """Adds a mesh; reached as `scene.name` afterwards. Raises NameTakenError."""
 

@@ -32,10 +32,11 @@ class LinearSolver:
     """
 
     def __init__(self, runtime: Runtime, *, deterministic: bool = False) -> None:
-        self._runtime = runtime
+        self._runtime, self._deterministic = runtime, deterministic
         self._pcg = PcgSolver(runtime, deterministic=deterministic)
         self._direct: DirectSolver | None = None
-        self._direct_left = 0
+        self.direct_left = 0
+        """How many of the next systems "auto" gives to the direct solver."""
 
     def solve(
         self,
@@ -55,16 +56,16 @@ class LinearSolver:
             return self._by_direct(parts, g, options, threads, "asked for")
         patient = options
         if options.solver == "auto":
-            if self._direct_left > 0:
-                self._direct_left -= 1
+            if self.direct_left > 0:
+                self.direct_left -= 1
                 return self._by_direct(parts, g, options, threads, "conjugate gradients were slow not long ago")
             patient = replace(options, max_iterations=min(options.max_iterations, PATIENCE))
         x, report = self._pcg.solve(parts, g, patient, x0, threads=threads)
         if options.solver == "pcg" or report.reason is not StopReason.MAX_ITERATIONS:
             return x, report
-        self._direct_left = DIRECT_SOLVES - 1
+        self.direct_left = DIRECT_SOLVES - 1
         why = f"conjugate gradients did not converge in {report.iterations} iterations"
-        LOGGER.info("solver='auto': %s; a direct solver takes this system and the next %d", why, self._direct_left)
+        LOGGER.info("solver='auto': %s; a direct solver takes this system and the next %d", why, self.direct_left)
         return self._by_direct(parts, g, options, threads, why)
 
     def _by_direct(
@@ -73,6 +74,6 @@ class LinearSolver:
         if self._direct is None:
             from yasps.runtime.solvers.direct import DirectSolver  # brings in SciPy's or MKL's solvers
 
-            self._direct = DirectSolver(self._runtime)
+            self._direct = DirectSolver(self._runtime, deterministic=self._deterministic)
         x, report = self._direct.solve(parts, g, options, threads=threads)
         return x, report.by(self._direct.name, why)

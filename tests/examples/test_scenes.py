@@ -11,12 +11,23 @@ import pytest
 from yasps.frontend.commands.command_line import find_examples
 
 SCENES: dict[str, list[str]] = {
+    "caged_bunny": ["--size", "8", "--frames", "13", "--dt", "0.04"],
     "card_house": ["--size", "1", "--frames", "3"],
+    "cloths_on_bunny": ["--size", "8", "--frames", "14", "--dt", "0.04"],
     "dominoes": ["--size", "3", "--frames", "90"],
+    "many_bunnies_on_cloth": ["--size", "8", "--frames", "13", "--dt", "0.04", "--bunnies", "2"],
     "masonry_arch": ["--size", "3", "--frames", "12", "--friction", "0"],
+    "mat_twist": ["--size", "400", "--frames", "45", "--speed", "50"],
     "two_bunnies": ["--size", "1500", "--frames", "2"],
 }
 """Name -> flags of a run of a few seconds that passes its check."""
+
+BY_HAND: dict[str, list[str]] = {
+    "caged_bunny_by_hand": [*SCENES["caged_bunny"], "--bunnies", "0", "--element", "hex8"],
+    "cloths_on_bunny_by_hand": ["--size", "8", "--frames", "13", "--dt", "0.04", "--cloths", "0"],
+    "many_bunnies_on_cloth_by_hand": [*SCENES["many_bunnies_on_cloth"]],
+}
+"""The same of examples that step without a `Simulation`."""
 
 WITHOUT_STEPS: dict[str, list[str]] = {"hanging_chain": [], "laplacian_smoothing": ["--size", "1500"]}
 """The same of examples without a simulation."""
@@ -29,7 +40,7 @@ def run(name: str, flags: list[str]) -> int:
 
 
 def test_every_example_is_here() -> None:
-    assert {*SCENES, *WITHOUT_STEPS} == set(find_examples())
+    assert {*SCENES, *BY_HAND, *WITHOUT_STEPS} == set(find_examples())
 
 
 @pytest.mark.parametrize("name", SCENES)
@@ -40,6 +51,13 @@ def test_a_scene_runs_and_passes_its_check(name: str, tmp_path: Path, capsys: py
     assert numbers["frames"] == int(SCENES[name][SCENES[name].index("--frames") + 1])
     assert numbers["newton_iterations"] >= 1
     assert numbers["end"] in capsys.readouterr().out
+    assert (tmp_path / f"{name}.vtkhdf").is_file()
+
+
+@pytest.mark.parametrize("name", BY_HAND)
+def test_an_example_by_hand_passes_its_check(name: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert run(name, [*BY_HAND[name], "--headless", "--seed", "1", "--output", str(tmp_path)]) == 0
+    assert "bodies are above the cloth" in capsys.readouterr().out
     assert (tmp_path / f"{name}.vtkhdf").is_file()
 
 

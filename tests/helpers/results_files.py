@@ -29,6 +29,7 @@ class Solid:
     points: Any = field(default_factory=lambda: NO_POINTS)
     radius: float = 0.0
     stands_still: bool = False
+    is_fixed: bool = False
 
     def positions(self) -> Any:
         return self.x
@@ -53,7 +54,7 @@ class Floor(Solid):
     """A half-space."""
 
     def __init__(self, name: str, normal: Any = (0.0, 0.0, 1.0), point: Any = (0.0, 0.0, 0.0)) -> None:
-        super().__init__(name, np.empty((0, 3)), NO_FACES, {}, stands_still=True)
+        super().__init__(name, np.empty((0, 3)), NO_FACES, {}, stands_still=True, is_fixed=True)
         self.plane = SimpleNamespace(normal=normal, point=point)
         self.shape = SimpleNamespace(vertices=np.array([[0, 0, 0], [10.0, 0, 0], [10, 10, 0], [0, 10, 0]]))
 
@@ -80,7 +81,7 @@ def rod(name: str, points: Any, radius: float) -> Rod:
 def wall(name: str, middle: Any) -> Wall:
     shape = CUBE.translated(middle)
     faces = shape.surface_triangles()
-    return Wall(name, shape.vertices, faces, {"triangle": faces}, stands_still=True)
+    return Wall(name, shape.vertices, faces, {"triangle": faces}, stands_still=True, is_fixed=True)
 
 
 class Motion:

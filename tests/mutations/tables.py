@@ -15,6 +15,7 @@ from areas import (
     read_out,
     scenes,
     solver,
+    states,
     stepping,
     structure,
 )
@@ -35,4 +36,5 @@ AREAS: dict[str, tuple[Mutation, ...]] = {
     "stepping": stepping.MUTATIONS,
     "contact": contact.MUTATIONS,
     "read-out": read_out.MUTATIONS,
+    "states": states.MUTATIONS,
 }

@@ -6,8 +6,9 @@ import sys
 import numpy as np
 import pytest
 
-from yasps.output import FramePictures, PictureError, PicturesUnavailable, Surface, pictures, require_pictures
-from yasps.output.pictures import camera_position, vertex_normals
+from yasps.output import FramePictures, PictureError, PicturesUnavailable, Surface, picture_errors, require_pictures
+from yasps.output.camera import box_corners, camera_position
+from yasps.output.sharp_edges import vertex_normals
 
 CORNERS = np.array([[x, y, z] for x in (-0.5, 0.5) for y in (-0.5, 0.5) for z in (0.0, 1.0)])
 FACES = np.array(
@@ -129,8 +130,9 @@ def test_a_probe_that_dies_says_what_to_install(probe, outcome):
 
 
 def test_a_missing_package_says_what_to_install(monkeypatch):
-    find = pictures.importlib.util.find_spec
-    monkeypatch.setattr(pictures.importlib.util, "find_spec", lambda name: None if name == "pyvista" else find(name))
+    util = picture_errors.importlib.util
+    find = util.find_spec
+    monkeypatch.setattr(util, "find_spec", lambda name: None if name == "pyvista" else find(name))
     with pytest.raises(PicturesUnavailable, match=r"pyvista not installed.*pip install 'yasps\[examples\]'"):
         require_pictures()
 
@@ -162,7 +164,7 @@ def test_an_unknown_color_is_refused(scene):
 @pytest.mark.parametrize("aspect", [0.5, 1.0, 2.0])
 def test_the_camera_sees_the_whole_box_and_not_much_more(direction, aspect):
     bounds = np.array([[1.0, 2, 3], [2.0, 6, 5]])
-    eye, focus = camera_position(bounds, direction, aspect)
+    eye, focus = camera_position(box_corners(bounds), direction, aspect)
     forward = (focus - eye) / np.linalg.norm(focus - eye)
     right = np.cross(forward, [0, 0, 1])
     right /= np.linalg.norm(right)

@@ -11,17 +11,19 @@ from pathlib import Path
 from typing import Any
 
 import meshio
+import numpy as np
 import pytest
 from damage import damaged
 from hypothesis import given
 from hypothesis import strategies as st
 from profiles import examples
+from results_files import everything, record
 from small_scenes import emit, shared_targets
 
 from yasps.backend.reference.scene_data import SceneDataError, load_scene_data, save_scene_data
 from yasps.frontend.commands.yasps_opt import main
 from yasps.meshes import MeshError, TetrahedralMesh, box, mesh_file, read_tetrahedral_mesh
-from yasps.output import OutputFileError, VtkHdfSeries
+from yasps.output import OutputFileError, VtkHdfSeries, read_series
 from yasps.passes.pipeline import run_pipeline
 
 LITTLE = 20_000_000
@@ -292,3 +294,20 @@ def test_a_series_in_a_damaged_file(data: st.DataObject, folder: Path) -> None:
         path.write_bytes(data.draw(damaged(path.read_bytes())))
         with suppress(OutputFileError):
             series.write_frame(1.0, BOX.vertices)
+
+
+@given(data=st.data())
+@examples(ci=15, nightly=1000)
+def test_a_damaged_results_file(data: st.DataObject, folder: Path) -> None:
+    """It is read, refused, or found to be wrong when its frames are."""
+    path = record(everything(), folder, 2, "results")
+    path.write_bytes(data.draw(damaged(path.read_bytes())))
+    with suppress(OutputFileError):
+        series = read_series(path)
+        for frame in range(len(series)):
+            assert np.isfinite(series.positions(frame)).all()
+            assert [len(series.field(name, frame)) for name in series.fields] == [series.number_of_points] * len(
+                series.fields
+            )
+    with suppress(OutputFileError):
+        record(everything(), folder, 2, "results", resume=True)

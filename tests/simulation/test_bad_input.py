@@ -235,7 +235,7 @@ def test_files_that_hold_no_state(tmp_path: Path) -> None:
     for name, words in (
         ("none.npz", "holds no state of a simulation"),
         ("text.npz", "holds no state of a simulation"),
-        ("other.npz", "is the state of another scene: a differs"),
+        ("other.npz", "holds no state of a simulation: it has a in it"),
     ):
         with pytest.raises(SceneError, match=words):
             simulation.restore(tmp_path / name)

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from yasps import IntersectionError, NotConvergedError, NotFiniteError, Scene, SceneError, ShapeMismatchError
+from yasps import Attribute, IntersectionError, NotConvergedError, NotFiniteError, Scene, SceneError, ShapeMismatchError
 from yasps.bodies import AffineBody, Cloth, Ground, HalfSpace, SoftBody
 from yasps.contact import ContactTable
 from yasps.meshes import box, cloth_grid
@@ -212,13 +212,16 @@ def test_callbacks_are_called_with_the_simulation() -> None:
 
 
 def test_a_step_that_fails_is_undone_and_can_be_repeated_from_its_file() -> None:
-    simulation, soft = falling_cube()
+    def poisoned() -> tuple[Simulation, SoftBody, Attribute]:
+        simulation, soft = falling_cube()
+        poison = soft.vertices.add_constant("poison", 1, 1, value=np.ones(8))
+        soft.add_energy(soft.vertices.add_attribute("bad", computed_attribute=poison.log() * soft.position[2]))
+        return simulation, soft, poison
+
+    simulation, soft, poison = poisoned()
     simulation.run(2)
     before, velocity = soft.positions(), simulation.velocity_of(soft)
-    # From here on the energy is not finite.
-    poison = soft.vertices.add_constant("poison", 1, 1, value=np.ones(8))
-    soft.add_energy(soft.vertices.add_attribute("bad", computed_attribute=poison.log() * soft.position[2]))
-    poison.update_value(-np.ones(8))
+    poison.update_value(-np.ones(8))  # from here on the energy is not finite
     with pytest.raises((NotConvergedError, NotFiniteError)) as caught:
         simulation.step()
     np.testing.assert_array_equal(soft.positions(), before)
@@ -228,14 +231,16 @@ def test_a_step_that_fails_is_undone_and_can_be_repeated_from_its_file() -> None
     file = Path(note.split("is in ")[1].split(": simulation.restore")[0])
     assert file.is_file()
 
-    again, other = falling_cube()
+    again, other, _ = poisoned()
     again.restore(file)
     np.testing.assert_array_equal(other.positions(), before)
     np.testing.assert_array_equal(again.velocity_of(other), velocity)
     np.testing.assert_array_equal(again.stepper.target_velocities, simulation.stepper.target_velocities)
     assert again.frame == 2
+    with pytest.raises((NotConvergedError, NotFiniteError)):
+        again.step()
     scene = Scene("other", threads=1)
-    with pytest.raises(SceneError, match="state of another scene"):
+    with pytest.raises(SceneError, match=r"is a state of another simulation: the scene is .* there and other here"):
         Simulation(scene, [SoftBody(scene, "b", CUBE)], contact=False).restore(file)
 
 

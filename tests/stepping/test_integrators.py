@@ -186,7 +186,7 @@ def test_a_restored_state_goes_on_with_bdf2(tmp_path: Path) -> None:
     first, soft = falling()
     first.run(4)
     file = tmp_path / "state.npz"
-    np.savez(file, allow_pickle=False, **first.state())
+    first.save(file)
     first.run(3)
     second, other = falling()
     second.restore(file)

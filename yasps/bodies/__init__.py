@@ -13,6 +13,7 @@ from yasps.bodies.element_body import ElementBody
 from yasps.bodies.joints import Hinge, Joint, Joints, Residual
 from yasps.bodies.obstacle import Ground, HalfSpace, MovingObstacle, Obstacle
 from yasps.bodies.rigid_body import RigidBody
+from yasps.bodies.rod import Rod
 from yasps.bodies.soft_body import SoftBody
 
 __all__ = [
@@ -30,5 +31,6 @@ __all__ = [
     "Obstacle",
     "Residual",
     "RigidBody",
+    "Rod",
     "SoftBody",
 ]

@@ -1,29 +1,31 @@
-"""Soft bodies of many vertices that a coarse grid of hexahedra moves."""
+"""Soft bodies of many vertices that a coarse grid of cubes moves."""
 
 from __future__ import annotations
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from yasps import Scene, materials
+from yasps import Scene, SceneError, materials
 from yasps.bodies.body import Body, checked_density
 from yasps.bodies.element_body import add_elastic_points
 from yasps.frontend.language.arrays import checked_count
-from yasps.meshes import ElementMesh, GaussPoints, TetrahedralMesh, TriangleMesh, hex_box, tetrahedra_of
+from yasps.meshes import ElementMesh, GaussPoints, TetrahedralMesh, TriangleMesh, box, hex_box, tetrahedra_of
 from yasps.meshes.tetrahedral_mesh import Float64Array
 from yasps.parameterisations import caged_position, trilinear_weights
 
 LEAST_FILLED = 0.01
 """Share of a cell that counts as filled at least: a corner that next to nothing holds would be loose."""
+CAGE_ELEMENTS = ("hexahedron", "tetra")
+"""What a cell of the cage can be made of, by the names of meshio: itself, or six tetrahedra."""
 
 
 class CagedBody(Body):
-    """Vertices inside a grid of hexahedra whose corners are free; the energy is that of the grid.
+    """Vertices inside a grid of cubes whose corners are free; the energy is that of the grid.
 
     `corners`: `position` (a target), `rest_position`. `vertices`: `position` by trilinear weights, `rest_position`,
     `mass`: the mass matrix of the corners is the consistent one, so linear and angular momentum are the vertices'.
     `gauss_points`: those of the grid's stable Neo-Hookean energy, each by the share of its cell that the shape fills.
-    `cage`: the grid.
+    `cage`: the grid of hexahedra.
     """
 
     def __init__(
@@ -33,6 +35,7 @@ class CagedBody(Body):
         shape: TetrahedralMesh | TriangleMesh,
         *,
         divisions: int = 4,
+        element: str = "hexahedron",
         density: float = 1000.0,
         youngs_modulus: float = 1e5,
         poisson_ratio: float = 0.4,
@@ -41,7 +44,8 @@ class CagedBody(Body):
         """Adds the body, at rest where the mesh lies.
 
         shape: tetrahedra, or a closed triangle surface, whose inside `tetrahedralize` meshes. divisions: cubic cells
-        along the longest side of the box around it; cells with nothing in them are left out. density [kg/m^3];
+        along the longest side of the box around it; cells with nothing in them are left out. element: "hexahedron", of
+        eight Gauss points a cell, or "tetra", six linear tetrahedra of one each, which are stiffer. density [kg/m^3];
         youngs_modulus [Pa]; radius: of the surface, see `Body` [m].
 
         Raises SceneError for numbers out of range, NameTakenError, MeshError.
@@ -49,6 +53,8 @@ class CagedBody(Body):
         density = checked_density(name, density, "kg/m^3")
         materials.stable_neo_hookean_parameters(youngs_modulus, poisson_ratio)
         divisions = checked_count(divisions, f"the divisions of {name}", 1)
+        if element not in CAGE_ELEMENTS:
+            raise SceneError(f"{name}: element is one of {', '.join(map(repr, CAGE_ELEMENTS))}, got {element!r}")
         shape = tetrahedra_of(shape)
         self.cage, filled, owner, weights = _cage_of(shape, divisions)
         super().__init__(scene, name, shape.vertices, radius)
@@ -65,11 +71,20 @@ class CagedBody(Body):
         self.vertices.add_attribute("position", computed_attribute=caged_position(around, own_weights))
         self.vertices.add_constant("rest_position", rows=3, cols=1, value=shape.vertices)
         self.vertices.add_constant("mass", rows=1, cols=1, value=shape.vertex_masses(density))
-        points = self.cage.points()
-        volumes = points.volumes * np.repeat(filled, 8)
+        elements = self.cage if element == "hexahedron" else _cut(self.cage)
+        points = elements.points()
+        volumes = points.volumes * np.repeat(filled, len(points.volumes) // len(filled))
         self.gauss_points = add_elastic_points(
             self, GaussPoints(points.nodes, points.gradients, volumes), corner_position, youngs_modulus, poisson_ratio
         )
+
+
+def _cut(cage: ElementMesh) -> ElementMesh:
+    """Six tetrahedra of each cube, as in `box`."""
+    cube = hex_box(divisions=(1, 1, 1)).cells[0]  # the order of a cell's corners, as numbers in that of `box`
+    corners = cage.cells[:, np.argsort(cube)]
+    tets = corners[:, box(divisions=(1, 1, 1)).tets].reshape(-1, 4)
+    return ElementMesh("tetra", cage.vertices, tets.astype(np.int32))
 
 
 def _cage_of(

@@ -250,6 +250,22 @@ class BarrierContact(InScene):
         if self.friction is not None and past.lag is not None:
             self.friction.load(past.lag)
 
+    @property
+    def accepted(self) -> FloatArray:
+        """The positions last accepted [m], [n, 3]."""
+        return self._accepted.copy()
+
+    def paths_of_pairs(self) -> list[str]:
+        """Paths of the scene's numbers and indices that contact sets by itself: of pairs, and of the surface when
+        friction was lagged."""
+        primitives = [pairs.primitive.path for pairs in self.primitives.values()]
+        places = []
+        if self.friction is not None:
+            primitives += [pairs.primitive.path for pairs in self.friction.primitives.values()]
+            places = [f"{self.parts.points.path}.{name}" for name in ("lagged_position", "previous_position")]
+        starts = tuple(f"{path}." for path in primitives)
+        return [path for path in self.parts.mesh.scene.numbers() if path.startswith(starts) or path in places]
+
     def accept(self, positions: FloatArray) -> None:
         """Notes that the vertices came to these positions [n, 3] on a way that was free of collisions."""
         self._accepted = np.array(positions)

@@ -9,23 +9,24 @@ from typing import Any, Final, Self, cast
 import numpy as np
 import numpy.typing as npt
 
-from yasps.output.pictures import PictureError, PicturesUnavailable
+from yasps.output.picture_errors import PictureError, PicturesUnavailable
 
 Image = npt.NDArray[np.uint8]
 
-_GIF_WIDTH: Final = 640
+_WIDTH: Final = 640
 
 
 class Animation:
-    """A short video: `.mp4` where ffmpeg is there (imageio-ffmpeg brings it), otherwise a `.gif` of the same name.
+    """A short video: `.mp4` where ffmpeg is there (imageio-ffmpeg brings it), otherwise a `.gif` of the same name; or a
+    `.gif` or `.webp`, which web pages and READMEs show by themselves. A `.webp` has all colours and is the smaller.
 
     Use it as a context manager. Leaving it, also by an error, finishes the file with the images so far; without
     any image there is no file.
 
-    A GIF is made smaller, to 640 pixels of width at most, and written only at the end.
+    A GIF or WebP is made smaller, to 640 pixels of width at most, and written only at the end.
 
     Args:
-        path: ends in `.mp4` or `.gif`; its folder must exist.
+        path: ends in `.mp4`, `.gif` or `.webp`; its folder must exist.
         frames_per_second: of the video.
 
     Raises:
@@ -35,8 +36,8 @@ class Animation:
 
     def __init__(self, path: str | os.PathLike[str], frames_per_second: float = 30.0) -> None:
         self.path = Path(path)
-        if self.path.suffix not in (".mp4", ".gif") or not self.path.parent.is_dir():
-            raise PictureError(f"'{path}' must end in '.mp4' or '.gif' and lie in a folder that exists.")
+        if self.path.suffix not in (".mp4", ".gif", ".webp") or not self.path.parent.is_dir():
+            raise PictureError(f"'{path}' must end in '.mp4', '.gif' or '.webp' and lie in a folder that exists.")
         if not 0 < frames_per_second < np.inf:
             raise PictureError(f"frames_per_second is {frames_per_second}, but must be positive.")
         if importlib.util.find_spec("imageio") is None:
@@ -62,9 +63,8 @@ class Animation:
         if self._shape is not None and image.shape != self._shape:
             raise PictureError(f"The image has shape {list(image.shape)}, those before {list(self._shape)}.")
         if self._writer is None:
-            self._writer = (_Gif if self.path.suffix == ".gif" else _open_mp4)(
-                self._unfinished, self._frames_per_second
-            )
+            open_writer = _open_mp4 if self.path.suffix == ".mp4" else _KeptImages
+            self._writer = open_writer(self._unfinished, self._frames_per_second)
         self._shape = image.shape
         self._writer.append_data(image)
 
@@ -84,24 +84,26 @@ class Animation:
         self.close()
 
 
-class _Gif:
-    """Keeps the images, reduced to a palette, and writes them when it is closed."""
+class _KeptImages:
+    """Keeps the images of a GIF or WebP, and writes them when it is closed."""
 
     def __init__(self, path: Path, frames_per_second: float) -> None:
         self._path = path
-        # The format counts in hundredths of a second, and viewers slow down what is faster than 50 a second.
+        # GIF counts in hundredths of a second, and viewers slow down what is faster than 50 a second.
         self._milliseconds = max(20, 10 * round(100 / frames_per_second))
         self._images: list[Any] = []
 
     def append_data(self, image: Image) -> None:
         import PIL.Image
 
-        shrink = -(-image.shape[1] // _GIF_WIDTH)
-        self._images.append(PIL.Image.fromarray(image).reduce(shrink).quantize(256))
+        shrink = -(-image.shape[1] // _WIDTH)
+        small = PIL.Image.fromarray(image).reduce(shrink)
+        self._images.append(small.quantize(256) if self._path.suffix == ".gif" else small)
 
     def close(self) -> None:
         first, *others = self._images
-        first.save(self._path, save_all=True, append_images=others, duration=self._milliseconds, loop=0, optimize=False)
+        how: dict[str, Any] = {"optimize": False} if self._path.suffix == ".gif" else {"quality": 75, "method": 4}
+        first.save(self._path, save_all=True, append_images=others, duration=self._milliseconds, loop=0, **how)
 
 
 def _open_mp4(path: Path, frames_per_second: float) -> Any:

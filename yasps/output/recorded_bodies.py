@@ -20,6 +20,9 @@ LIGHT_BLUE, DARK_PINK = PALETTE[:2]
 OBSTACLE_GREY: Final = "#a9adb6"
 """Colour of what stands still."""
 
+DARKER: Final = 0.72
+"""How much darker every other sector of a body is that moves as it is told: one sees it turn."""
+
 Ids = NDArray[np.int32]
 Floats = NDArray[np.float64]
 
@@ -32,6 +35,10 @@ class Shown(Protocol):
     edges: Ids
     points: Ids
     cells: Mapping[str, Ids]
+
+    @property
+    def is_fixed(self) -> bool:
+        """Whether no energy moves it."""
 
     @property
     def stands_still(self) -> bool:
@@ -91,8 +98,12 @@ class RecordedBody:
     """Name of its class, such as "SoftBody"."""
     color: str
     """"#rrggbb"."""
+    opacity: float
+    """1 hides what is behind it, less lets it through."""
     stands_still: bool
     """Whether its vertices never move."""
+    is_driven: bool
+    """Whether it moves as it is told, by no energy."""
     first: int
     """Its first vertex among those of all bodies."""
     count: int
@@ -120,17 +131,28 @@ class RecordedBody:
         return bool(len(sides)) and bool((np.unique(sides, axis=0, return_counts=True)[1] == 1).any())
 
 
+def dark_sectors(middles: Floats) -> NDArray[np.bool_]:
+    """Which triangles with these middles, [m, 3], are in a dark sector as seen from the middle of all, [m]: octants, or
+    quadrants of what is flat along an axis."""
+    off = middles - 0.5 * (middles.min(axis=0) + middles.max(axis=0))
+    reach = np.abs(off).max(axis=0)
+    thick = reach > 0.2 * reach.max()
+    return np.asarray((off[:, thick] > 1e-9 * reach.max()).sum(axis=1) % 2 == 1)
+
+
 def recorded_bodies(bodies: Sequence[Shown], colors: Mapping[str, str] | None = None) -> list[RecordedBody]:
     """What is to be kept of bodies, in their order.
 
-    colors: name -> "#rrggbb", instead of the palette's in turn, or grey for what stands still. Raises OutputFileError
-    for a colour of no body or in another form.
+    colors: name -> "#rrggbb", or "#rrggbbaa" with the opacity, instead of the palette's in turn, or grey for what
+    stands still. Raises OutputFileError for a colour of no body or in another form.
     """
     colors = dict(colors or {})
     for name, color in colors.items():
-        if name not in {body.name for body in bodies} or not re.fullmatch("#[0-9a-fA-F]{6}", color):
+        if name not in {body.name for body in bodies} or not re.fullmatch("#([0-9a-fA-F]{2}){3,4}", color):
             known = ", ".join(body.name for body in bodies)
-            raise OutputFileError(f"colors has {name!r}: {color!r}; it takes '#rrggbb' for the bodies {known}.")
+            raise OutputFileError(
+                f"colors has {name!r}: {color!r}; it takes '#rrggbb' or '#rrggbbaa' for the bodies {known}."
+            )
     found, first = [], 0
     palette = itertools.cycle(PALETTE)
     for body in bodies:
@@ -139,13 +161,16 @@ def recorded_bodies(bodies: Sequence[Shown], colors: Mapping[str, str] | None = 
             side = float(np.linalg.norm(body.shape.vertices[1] - body.shape.vertices[0]))
             plane = RecordedPlane(body.plane.normal, body.plane.point, side)
         color = OBSTACLE_GREY if body.stands_still else next(palette)
+        color = colors.get(body.name, color)
         radii = np.array(body.radii(), np.float64)
         found.append(
             RecordedBody(
                 name=body.name,
                 kind=type(body).__name__,
-                color=colors.get(body.name, color),
+                color=color[:7],
+                opacity=int(color[7:] or "ff", 16) / 255,
                 stands_still=body.stands_still,
+                is_driven=body.is_fixed and not body.stands_still,
                 first=first,
                 count=len(radii),
                 triangles=np.asarray(body.triangles, np.int32).reshape(-1, 3),
@@ -159,6 +184,7 @@ def recorded_bodies(bodies: Sequence[Shown], colors: Mapping[str, str] | None = 
     return found
 
 
+_PLAIN: Final = ("name", "kind", "color", "opacity", "stands_still", "is_driven", "first", "count")
 _ARRAYS: Final = {"triangles": (3, np.int32), "edges": (2, np.int32), "points": (1, np.int32), "radii": (1, np.float64)}
 """Arrays of all bodies, one body after the other: columns and type."""
 
@@ -167,7 +193,7 @@ def as_datasets(bodies: Sequence[RecordedBody], more: Mapping[str, Any]) -> dict
     """The bodies as a text in JSON, with `more`, and arrays beside it."""
     told = []
     for body in bodies:
-        entry = {name: getattr(body, name) for name in ("name", "kind", "color", "stands_still", "first", "count")}
+        entry = {name: getattr(body, name) for name in _PLAIN}
         entry |= {f"number_of_{name}": len(getattr(body, name)) for name in _ARRAYS}
         if body.plane is not None:
             entry["plane"] = {"normal": body.plane.normal, "point": body.plane.point, "size": body.plane.size}
@@ -207,7 +233,9 @@ def from_datasets(description: Mapping[str, Any], arrays: Mapping[str, NDArray[A
                 name=str(entry["name"]),
                 kind=str(entry["kind"]),
                 color=str(entry["color"]),
+                opacity=float(entry["opacity"]),
                 stands_still=bool(entry["stands_still"]),
+                is_driven=bool(entry["is_driven"]),
                 first=int(entry["first"]),
                 count=int(entry["count"]),
                 plane=plane,

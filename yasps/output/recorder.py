@@ -11,6 +11,7 @@ from typing import Any, Final, Protocol, Self
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from yasps.output.motion_pictures import make_animation, make_picture
 from yasps.output.recorded_bodies import Floats, Shown, as_datasets, recorded_bodies
 from yasps.output.view import View, checked_view
 from yasps.output.vtkhdf import VtkHdfSeries
@@ -59,7 +60,7 @@ class FrameRecorder:
         name: of the files, without ending.
         pictures: False for the results file alone. Where the machine can't draw, a line on stderr says so.
         fields: numbers at each vertex that go with the positions: "velocity" [m/s], "contact_force" [N].
-        colors: name of a body -> "#rrggbb".
+        colors: name of a body -> "#rrggbb", or "#rrggbbaa" for glass.
         camera, view_direction, bounds, speed: see `View`; kept in the file for pictures that are made later, too.
         resume: go on in the file that is there, behind its frames up to the present time of the simulation; if there is
             none, begin one.
@@ -142,8 +143,6 @@ class FrameRecorder:
             self._make_pictures()
 
     def _make_pictures(self) -> None:
-        from yasps.output.motion_pictures import make_animation, make_picture
-
         try:
             self.written.append(make_picture(self.file, self.file.with_suffix(".png")))
             self.written.append(make_animation(self.file, self.file.with_suffix(".mp4")))

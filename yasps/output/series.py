@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import os
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import TypeVar
 
@@ -85,16 +85,20 @@ class Series:
         """Frame after frame."""
         return (self.positions(frame) for frame in range(len(self)))
 
-    def box(self, frames: range | None = None, *, still: bool = False) -> Floats:
-        """Lowest and highest corner of what moves in these frames, by default in all [m], [2, 3]; still: of obstacles,
-        too, which it also is if nothing else is there."""
-        chosen = [body for body in self.bodies if body.count and (still or not body.stands_still)]
-        rows = np.concatenate([np.arange(self.number_of_points)[body.vertices] for body in chosen or self.bodies])
+    def box(self, frames: Iterable[int] | None = None) -> Floats:
+        """Lowest and highest corner of what moves in these frames, by default in all [m], [2, 3]; of obstacles if
+        nothing else is there."""
+        rows = self.moving_vertices()
         low, high = np.full(3, np.inf), np.full(3, -np.inf)
         for frame in range(len(self)) if frames is None else frames:
             x = self.positions(frame)[rows]
             low, high = np.minimum(low, x.min(axis=0)), np.maximum(high, x.max(axis=0))
         return np.stack([low, high])
+
+    def moving_vertices(self) -> NDArray[np.int64]:
+        """The vertices of all bodies that don't stand still, or of all bodies if none does, [k]."""
+        moving = [body for body in self.bodies if body.count and not body.stands_still]
+        return np.concatenate([np.arange(self.number_of_points)[body.vertices] for body in moving or self.bodies])
 
     def cells(self) -> dict[str, NDArray[np.int64]]:
         """Kind of cell -> vertex numbers, [m, vertices of such a cell]."""

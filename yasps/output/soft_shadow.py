@@ -36,7 +36,7 @@ def soft_shadow(
         diagonal: of the scene; widths of blur are parts of it.
     """
     cell = side / _SHADOW_CELLS
-    samples = np.concatenate([_surface_samples(v, t, 0.5 * cell) for v, t in bodies])
+    samples = np.concatenate([np.empty((0, 3)), *(_surface_samples(v, t, 0.5 * cell) for v, t in bodies)])
     height = samples[:, 2] - ground_height
     slope = np.array(_SHADOW_TOWARDS_LIGHT[:2]) / _SHADOW_TOWARDS_LIGHT[2]
     place = samples[:, :2] - height[:, None] * slope - centre

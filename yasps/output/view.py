@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Final
 
 import numpy as np
@@ -31,6 +31,11 @@ class View:
     direction: tuple[float, float, float] = (0.35, -1.0, 0.32)
     bounds: tuple[tuple[float, ...], tuple[float, ...]] | None = None
     speed: float = 1.0
+
+    def changed(self, **changes: Any) -> View:
+        """The same with what is not None changed. Raises OutputFileError for what is no view."""
+        new = replace(self, **{name: value for name, value in changes.items() if value is not None})
+        return checked_view(new.camera, new.direction, new.bounds, new.speed)
 
     def told(self) -> dict[str, Any]:
         """For JSON."""

@@ -108,5 +108,5 @@ def holds(file: h5py.File, name: str, values: Array) -> bool:
     if not isinstance(data, h5py.Dataset):
         return False
     if values.dtype.kind == "U":
-        return data.shape == () and data.asstr()[()] == values.item()
+        return bool(data.shape == () and data.asstr()[()] == values.item())
     return data.shape == values.shape and bool(np.array_equal(data[()], values))

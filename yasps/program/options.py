@@ -27,6 +27,8 @@ class Options(argparse.Namespace):
     """Folder for all files."""
     headless: bool
     """No picture and no animation."""
+    resume: bool
+    """Go on from the last checkpoint in the folder."""
     seed: int
     """0: as designed; else the number of a start that is jittered."""
 
@@ -66,13 +68,16 @@ def add_common(
     )
     parser.add_argument("--headless", action="store_true", help=told("no picture and no animation", steps))
     parser.add_argument(
+        "--resume", action="store_true", help=told("go on from the last checkpoint in the folder", steps)
+    )
+    parser.add_argument(
         "--seed", type=int, default=0, metavar="N", help="jitters the start, reproducibly; 0 (default) does not"
     )
 
 
 def refuse(parser: argparse.ArgumentParser, name: str, options: Options, *, mesh_means: str) -> None:
     """Ends the program by `parser.error` if a flag has a value that can't be, or one that means nothing here."""
-    for flag in ("frames", "dt", "output", "headless"):
+    for flag in ("frames", "dt", "output", "headless", "resume"):
         if parser.get_default("frames") is None and getattr(options, flag) != parser.get_default(flag):
             parser.error(f"--{flag}: {name} has no time steps and writes no files")
     if parser.get_default("size") is None and options.size is not None:

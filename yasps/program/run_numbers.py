@@ -17,7 +17,8 @@ from yasps.stepping import NewtonReport
 
 @dataclass(frozen=True)
 class RunNumbers:
-    """What a run took. Iterations and contacts are those of the frames of this run; contacts are close pairs at the end
+    """What a run took. Iterations and contacts are those of the frames of this run, from
+    `first_frame` on; contacts are close pairs at the end
     of a frame."""
 
     name: str
@@ -27,6 +28,7 @@ class RunNumbers:
     size: float | None
     mesh: str | None
     time_step: float
+    first_frame: int
     frames: int
     vertices: int
     elements: dict[str, int]
@@ -65,6 +67,7 @@ def numbers_of(
         size=options.size,
         mesh=None if options.mesh is None else options.mesh.name,
         time_step=options.dt,
+        first_frame=simulation.frame - len(reports),
         frames=len(reports),
         vertices=sum(len(body.rest) for body in simulation.moving),
         elements=_elements(simulation),

@@ -16,7 +16,7 @@ from yasps.output import FrameRecorder
 from yasps.program.options import Options, add_common, refuse
 from yasps.program.run_numbers import RunNumbers, numbers_of, size_of
 from yasps.runtime.build.toolchain import cache_folder
-from yasps.simulation import Simulation
+from yasps.simulation import Checkpoints, Simulation
 
 JITTER = 1e-2
 """How far `--seed` moves a vertex in the first step at most, in activation distances."""
@@ -117,20 +117,42 @@ class SceneProgram:
         _say(f"yasps {__version__}: {self.name} on {options.device}{threads}; compiled code in {cache_folder()}")
         begin = time.perf_counter()
         simulation = build(options)
+        checkpoints = Checkpoints(options.output, self.name)
+        if options.resume:
+            self._resume(simulation, checkpoints, options)
         with simulation.times.stage("compile"):
             report = simulation.scene.compile_report
         _say(f"compile: {report}")
         _say(size_of(simulation))
-        if options.seed:
+        if options.seed and not options.resume:
             jitter(simulation, options.seed)
-        start_up = time.perf_counter() - begin
-        with FrameRecorder(simulation, options.output, self.name, pictures=not options.headless, **recording) as files:
+        first, start_up = simulation.frame, time.perf_counter() - begin
+        with FrameRecorder(
+            simulation,
+            options.output,
+            self.name,
+            pictures=not options.headless,
+            resume=first > 0,
+            **recording,
+        ) as files:
+            if first and not files.number_of_frames:
+                files.record(simulation)
             begin = time.perf_counter()
-            reports = simulation.run(options.frames, files)
+            reports = simulation.run(options.frames - first, files, checkpoints)
             running = time.perf_counter() - begin
         numbers = numbers_of(simulation, reports, options, start_up, running)
         simulation.times.print(title=f"{self.name}, {options.frames} frames")
         return self._end(simulation, options, check, numbers)
+
+    def _resume(self, simulation: Simulation, checkpoints: Checkpoints, options: Options) -> None:
+        """Goes on from the last checkpoint. Raises SceneError if there is none, or if it is beyond the end."""
+        file = checkpoints.resume(simulation)
+        _say(f"goes on after frame {simulation.frame}, from {file}")
+        if simulation.frame > options.frames:
+            raise SceneError(
+                f"{file} is of frame {simulation.frame}, but --frames {options.frames} ends before: give more --frames,"
+                " or leave --resume out to begin again"
+            )
 
     def _end(self, simulation: Simulation, options: Options, check: Check, numbers: RunNumbers) -> int:
         """Checks the end and writes the numbers."""

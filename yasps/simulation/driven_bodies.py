@@ -19,6 +19,10 @@ PIN_STIFFNESS = 1e3
 g dt^2 / 1e3."""
 
 
+WAY = ("start", "way")
+"""Constants of a moving obstacle that say where it is, with its progress."""
+
+
 class DrivenBodies:
     """Moving obstacles and pins of one simulation. all: what its stepper drives, in the order in which they came."""
 
@@ -103,18 +107,27 @@ class DrivenBodies:
     # -- state ---------------------------------------------------------------------------------------------
 
     def state(self) -> dict[str, Float64Array]:
-        """Places of obstacles, and what holds each of the driven and how fast it is, by name."""
-        numbers = {f"place/{body.name}": body.positions() for body in self._surfaces}
-        numbers |= {f"multiplier/{k}": driven.multiplier.copy() for k, driven in enumerate(self.all)}
-        return numbers | {f"driven_velocity/{k}": driven.velocity.copy() for k, driven in enumerate(self.all)}
+        """Ways of obstacles; what holds each of the driven, how fast it is, whether it was released, and where it was
+        told to be; by name."""
+        numbers = {f"{part}/{body.name}": body.vertices[part].value for body in self._surfaces for part in WAY}
+        for k, driven in enumerate(self.all):
+            numbers |= {f"multiplier/{k}": driven.multiplier.copy(), f"driven_velocity/{k}": driven.velocity.copy()}
+            numbers[f"is_released/{k}"] = np.array(float(driven.is_released))
+            if isinstance(driven.motion, np.ndarray) and driven.motion.shape == (len(driven.vertices), 3):
+                numbers[f"motion/{k}"] = driven.motion.copy()
+        return numbers
 
     def set_state(self, state: Mapping[str, Float64Array]) -> None:
         """Puts them back."""
-        for body, surface in self._surfaces.items():
-            surface.put(state[f"place/{body.name}"])
-        for number, driven in enumerate(self.all):
-            driven.multiplier = np.array(state[f"multiplier/{number}"])
-            driven.velocity = np.array(state[f"driven_velocity/{number}"])
+        for body in self._surfaces:
+            for part in WAY:
+                body.vertices[part].update_value(state[f"{part}/{body.name}"])
+        for k, driven in enumerate(self.all):
+            driven.multiplier = np.array(state[f"multiplier/{k}"])
+            driven.velocity = np.array(state[f"driven_velocity/{k}"])
+            driven.is_released = bool(state[f"is_released/{k}"])
+            if f"motion/{k}" in state:
+                driven.motion = np.array(state[f"motion/{k}"])
 
 
 def _checked_vertices(body: Body, vertices: object) -> NDArray[np.int64]:

@@ -11,6 +11,7 @@ from yasps.output import FrameProgress
 from yasps.stepping import NewtonReport
 
 if TYPE_CHECKING:
+    from yasps.simulation.checkpoints import Checkpoints
     from yasps.simulation.simulation import Simulation
 
 
@@ -21,21 +22,27 @@ class Recorder(Protocol):
         """Notes the state as it is now."""
 
 
-def run_frames(simulation: Simulation, frames: int, recorder: Recorder | None) -> list[NewtonReport]:
+def run_frames(
+    simulation: Simulation, frames: int, recorder: Recorder | None, checkpoints: Checkpoints | None
+) -> list[NewtonReport]:
     """See `Simulation.run`."""
     frames = checked_count(frames, "frames", 0, SceneError)
     reports = []
     if recorder is not None and simulation.frame == 0:
         recorder.record(simulation)
+    if checkpoints is not None:
+        checkpoints.save(simulation)
     with FrameProgress(frames) as progress:
         for frame in range(1, frames + 1):
             begin = time.perf_counter()
             report = simulation.step()
             seconds = time.perf_counter() - begin
             simulation.check_intersection_free()
-            if recorder is not None:
-                with simulation.times.stage("output"):
+            with simulation.times.stage("output"):
+                if recorder is not None:
                     recorder.record(simulation)
+                if checkpoints is not None:
+                    checkpoints.save_if_due(simulation)
             reports.append(report)
             progress.update(
                 frame=frame,
@@ -44,4 +51,6 @@ def run_frames(simulation: Simulation, frames: int, recorder: Recorder | None) -
                 contacts=report.contacts,
                 milliseconds=1e3 * seconds,
             )
+    if checkpoints is not None:
+        checkpoints.save(simulation)
     return reports

@@ -7,6 +7,7 @@ in the next line.
 
 from __future__ import annotations
 
+import tempfile
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Protocol
@@ -21,11 +22,13 @@ from yasps.frontend.language.arrays import checked_count, in_instances, positive
 from yasps.meshes.tetrahedral_mesh import Float64Array
 from yasps.output import TimeTable
 from yasps.simulation.applied_forces import AppliedForces, ForceField
+from yasps.simulation.checkpoints import Checkpoints
 from yasps.simulation.checks import check_names, checked_bodies, checked_velocities, vertex_velocities
 from yasps.simulation.contact_of_bodies import ContactOptions, add_contact, stands_still
 from yasps.simulation.driven_bodies import DrivenBodies
+from yasps.simulation.fingerprint import fingerprint_of
 from yasps.simulation.frames import Recorder, run_frames
-from yasps.simulation.state_files import PAST, read_state, write_state
+from yasps.simulation.state import restore, save, set_state, state_of
 from yasps.stepping import (
     BACKWARD_EULER,
     Carried,
@@ -106,6 +109,7 @@ class Simulation:
         self.rescue = checked_count(rescue, "rescue", 0, SceneError)
         self.contact: BarrierContact | None = None
         self._last: NewtonReport | None = None
+        self._built: Mapping[str, str] | None = None
         self._has_contact = contact
         self._options = ContactOptions(
             ContactTable() if contacts is None else contacts, barrier, contact_stiffness, eps_v, lagging, integrator
@@ -219,6 +223,7 @@ class Simulation:
 
     def _connect(self, velocities: Mapping[Body, Float64Array]) -> None:
         """The union of all vertices, contact on it, and a stepper that starts with these velocities."""
+        self._built = None
         if self._has_contact:
             name = f"everything_{self._unions}" if self._unions else "everything"
             self._unions += 1
@@ -353,6 +358,10 @@ class Simulation:
     def _with_history(self) -> list[Companion]:
         return [*self.bodies, *self._companions]
 
+    def history(self) -> list[Attribute]:
+        """Constants of bodies and companions that `start_step` sets."""
+        return [one for owner in self._with_history for one in owner.history]
+
     # -- steps ---------------------------------------------------------------------------------------------
 
     @property
@@ -380,6 +389,7 @@ class Simulation:
             call(self)
         for one in self._with_history:
             one.start_step()
+        self._fingerprint()
         before = self.state()
         seconds = positive_number(self.time_step.value[0], "time_step", "s", SceneError)
         if seconds != self.stepper.time_step:
@@ -388,7 +398,8 @@ class Simulation:
         try:
             report = step_or_halves(self.stepper, self._set_time_step, self.rescue)
         except YaspsError as error:
-            file = write_state(before, f"{self.scene.name}-step-{self.frame + 1}")
+            file = Path(tempfile.mkdtemp(prefix="yasps-")) / f"{self.scene.name}-step-{self.frame + 1}.npz"
+            save(self, file, self._fingerprint(), before)
             error.add_note(
                 f"step {self.frame + 1} of {self.scene.name} (t = {self.time:.6g} s) failed; the state before it is in "
                 f"{file}: simulation.restore({str(file)!r}) and simulation.step() repeat it"
@@ -405,12 +416,15 @@ class Simulation:
         self.time_step.update_value(seconds)
         self.stepper.time_step = seconds
 
-    def run(self, frames: int, recorder: Recorder | None = None) -> list[NewtonReport]:
+    def run(
+        self, frames: int, recorder: Recorder | None = None, checkpoints: Checkpoints | None = None
+    ) -> list[NewtonReport]:
         """So many steps, with progress shown and intersections looked for after each. The recorder also sees the start.
+        checkpoints: are written in between, each after the frame was recorded.
 
         Raises what `step` raises, and IntersectionError should surfaces ever cross.
         """
-        return run_frames(self, frames, recorder)
+        return run_frames(self, frames, recorder, checkpoints)
 
     def check_intersection_free(self) -> None:
         """Raises IntersectionError, with names, if surfaces cross or touch, or something is in a half-space."""
@@ -447,40 +461,29 @@ class Simulation:
 
     def state(self) -> dict[str, Float64Array]:
         """All that the next step depends on apart from the scene itself, by name."""
-        numbers = {f"target/{target.path}": target.value for target in self.scene.minimize_targets}
-        numbers |= {f"target_velocity/{target.path}": v.copy() for target, v in self.stepper.velocities_of_targets()}
-        numbers |= {f"history/{one.path}": one.value for owner in self._with_history for one in owner.history}
-        if (past := self.stepper.past) is not None:
-            numbers |= {f"{PAST}{name}": value for name, value in past.start_numbers().items()}
-        numbers |= {f"velocity/{body.name}": self.velocity_of(body) for body in self.moving}
-        return numbers | self.driven.state() | {"time": np.array(self.time), "frame": np.array(float(self.frame))}
+        return state_of(self)
+
+    def save(self, file: str | Path) -> None:
+        """Writes the state and all numbers of the scene to a file, which is there wholly or not at all. Raises
+        SceneError."""
+        save(self, Path(file), self._fingerprint())
 
     def restore(self, file: str | Path) -> None:
-        """Sets the state to that of a file that a failed step wrote. A state without the step before it, which BDF2
-        remembers, goes on with a step of backward Euler. Raises SceneError for another file, or one of another scene;
-        IntersectionError if it crosses what is here now, such as an obstacle that was moved since. Nothing has changed
-        then."""
-        here = self.state()
-        state = read_state(file, here)
-        try:
-            self._set_state(state)
-        except YaspsError:
-            self._set_state(here)
-            raise
+        """Sets the state to that of a file, of `save`, of `Checkpoints` or of a failed step. The next steps are then
+        those that followed it, to the last bit where the scene is deterministic; functions of the user's own must not
+        depend on more than positions, velocities and time.
+
+        Raises SceneError for a damaged file, or one of a simulation that was built otherwise, by the name of what
+        differs; IntersectionError if it crosses what is here now, such as an obstacle that was moved since. Nothing has
+        changed then.
+        """
+        restore(self, Path(file), self._fingerprint())
 
     def _set_state(self, state: Mapping[str, Float64Array]) -> None:
-        for target in self.scene.minimize_targets:
-            target.update_value(state[f"target/{target.path}"])
-        for one in (one for owner in self._with_history for one in owner.history):
-            one.update_value(state[f"history/{one.path}"])
-        for number, body in enumerate(self.moving):
-            self.stepper.velocities[number] = np.array(state[f"velocity/{body.name}"])
-        self.driven.set_state(state)
-        self.stepper.target_velocities = [
-            np.array(state[f"target_velocity/{target.path}"]) for target in self.scene.minimize_targets
-        ]
-        self.stepper.time, self.frame = float(state["time"]), int(state["frame"])
-        if self.contact is not None:
-            self.contact.reset()
-        past = {name: np.array(x) for name, x in state.items() if name.startswith(PAST)}
-        self.stepper.remember({name.removeprefix(PAST): x for name, x in past.items()})
+        set_state(self, state)
+
+    def _fingerprint(self) -> Mapping[str, str]:
+        """Of the simulation as it was before its first step."""
+        if self._built is None:
+            self._built = fingerprint_of(self)
+        return self._built

@@ -1,38 +1,60 @@
-"""Files with the state of a simulation: named arrays of numbers."""
+"""Files of named arrays that are there wholly or not at all."""
 
 from __future__ import annotations
 
-import tempfile
+import contextlib
+import os
 import zipfile
+import zlib
 from collections.abc import Mapping
 from pathlib import Path
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from yasps import SceneError
-from yasps.meshes.tetrahedral_mesh import Float64Array
 
-PAST = "past/"
-"""How names of what a state has of the step before it begin: a state may be without."""
+Arrays = Mapping[str, NDArray[Any]]
 
 
-def write_state(state: Mapping[str, Float64Array], name: str) -> Path:
-    """Writes a state to a new file of this name, in a folder of its own among those for temporary files."""
-    file = Path(tempfile.mkdtemp(prefix="yasps-")) / f"{name}.npz"
-    np.savez(file, allow_pickle=False, **state)
-    return file
+class DamagedStateError(SceneError):
+    """A file that is no state of a simulation, or no longer a whole one."""
 
 
-def read_state(file: str | Path, like: Mapping[str, Float64Array]) -> dict[str, Float64Array]:
-    """The state in a file, which has the names and shapes of another, but for the step before it. Raises SceneError for
-    any other file."""
+def write_arrays(file: Path, arrays: Arrays) -> None:
+    """Writes an .npz file; whoever looks, also after a crash or a power cut, sees the whole file or the one before.
+
+    Raises SceneError if the system does not let it; the file before is still there then.
+    """
+    unfinished = file.with_name(f".{file.name}.unfinished")
     try:
-        with np.load(file, allow_pickle=False) as stored:
-            state = {name: np.asarray(stored[name]) for name in stored.files}
-    except (OSError, ValueError, AttributeError, TypeError, zipfile.BadZipFile) as problem:
-        raise SceneError(f"{file} holds no state of a simulation: {problem}") from problem
-    here, there = ({name: x.shape for name, x in one.items() if not name.startswith(PAST)} for one in (like, state))
-    if here != there:
-        differing = sorted(set(here) ^ set(there)) or [name for name in here if here[name] != there[name]]
-        raise SceneError(f"{file} is the state of another scene: {differing[0]} differs")
-    return state
+        with unfinished.open("wb") as stream:
+            np.savez(stream, allow_pickle=False, **arrays)
+            stream.flush()
+            os.fsync(stream.fileno())
+        unfinished.replace(file)
+        _sync_folder(file.parent)
+    except OSError as problem:
+        raise SceneError(f"the state can't be written to {file}: {problem}") from problem
+    finally:
+        with contextlib.suppress(OSError):
+            unfinished.unlink(missing_ok=True)
+
+
+def _sync_folder(folder: Path) -> None:
+    """A new name is safe when its folder is."""
+    number = os.open(folder, os.O_RDONLY)
+    try:
+        os.fsync(number)
+    finally:
+        os.close(number)
+
+
+def read_arrays(file: Path) -> dict[str, NDArray[Any]]:
+    """All arrays of such a file. Raises DamagedStateError."""
+    try:
+        with file.open("rb") as stream, np.load(stream, allow_pickle=False) as stored:
+            return {name: np.asarray(stored[name]) for name in stored.files}
+    except (OSError, EOFError, ValueError, AttributeError, TypeError, zipfile.BadZipFile, zlib.error) as problem:
+        raise DamagedStateError(f"{file} holds no state of a simulation: {problem}") from problem

@@ -54,6 +54,10 @@ class Driven(ABC):
     def motion(self) -> Prescribed | None:
         """What prescribes the positions; None: they stay."""
 
+    @motion.setter
+    @abstractmethod
+    def motion(self, motion: Prescribed | None) -> None: ...
+
     def positions(self) -> FloatArray:
         """Where they are now [m], [n, 3]."""
         return np.asarray(self.position.compute().array.reshape(-1, 3)[self.vertices])
@@ -178,6 +182,10 @@ class DrivenSurface(Driven):
         """The obstacle's."""
         return self.obstacle.motion
 
+    @motion.setter
+    def motion(self, motion: Prescribed | None) -> None:
+        self.obstacle.motion = motion
+
     def _set(self, start: FloatArray, way: FloatArray, progress: float) -> None:
         self.obstacle.vertices["start"].update_value(start)
         self.obstacle.vertices["way"].update_value(way)
@@ -253,6 +261,10 @@ class DrivenVertices(Driven):
     def motion(self) -> Prescribed | None:
         """As given last."""
         return self._motion
+
+    @motion.setter
+    def motion(self, motion: Prescribed | None) -> None:
+        self._motion = motion
 
     def follow(self, motion: Prescribed | None) -> None:
         """Another motion, from the next step on; None stays. Raises DataError, ShapeMismatchError, SceneError for pins

@@ -11,7 +11,7 @@ from yasps.contact import ContactForces
 from yasps.stepping.settings import NewtonReport
 from yasps.stepping.time_stepper import TimeStepper
 
-ELASTIC = ("elastic", "membrane", "bending", "orthogonality")
+ELASTIC = ("elastic", "membrane", "stretching", "bending", "orthogonality")
 """Names of the energies that bodies of `yasps.bodies` have of their material."""
 
 

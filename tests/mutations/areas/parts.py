@@ -113,9 +113,9 @@ MUTATIONS = (
     ),
     Mutation(
         "a state is without the base rotation",
-        "yasps/simulation/simulation.py",
-        '            one.update_value(state[f"history/{one.path}"])\n',
-        "            pass\n",
+        "yasps/simulation/state.py",
+        '        one.update_value(state[f"history/{one.path}"])\n',
+        "        pass\n",
         (
             f"{RIGID}::test_a_state_has_the_base_rotation",
             "tests/bodies/test_joints.py::test_a_state_has_the_turns_of_hinges",

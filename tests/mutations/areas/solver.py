@@ -143,8 +143,8 @@ MUTATIONS = (
     Mutation(
         "auto: the direct solver gets one system too many",
         "runtime/solvers/choice.py",
-        "self._direct_left = DIRECT_SOLVES - 1",
-        "self._direct_left = DIRECT_SOLVES",
+        "self.direct_left = DIRECT_SOLVES - 1",
+        "self.direct_left = DIRECT_SOLVES",
         ("tests/runtime/solvers/test_choice.py::test_auto_falls_back_and_comes_again",),
     ),
 )

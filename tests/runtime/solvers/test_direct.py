@@ -164,10 +164,16 @@ def test_a_grid_of_springs_is_solved_to_rounding(runtime: Runtime, solver: Direc
     degree = np.bincount(edges.ravel(), minlength=n**3)
     group.values[diagonal] = (degree[group.rows[diagonal] // 3] + 1e-6)[:, None, None] * np.eye(3)
     g = np.random.default_rng(0).standard_normal(3 * n**3)
+    (name,) = [name for name, library in direct_solver.LIBRARIES.items() if library == solver.name]
+    solver = DirectSolver(runtime, name, deterministic=True)
     x, report = solver.solve([matrix], g, SolveOptions(1e-18), threads=2)
     assert report.converged
     assert np.abs(matrix.to_scipy() @ x - g).max() <= 1e-8 * np.abs(x).max()
     assert isinstance(matrix.to_scipy(), sparse.csr_array)
+    # The same bits for any number of threads, by a solver of its own each time.
+    for threads in (1, 2, 3, 2, 2):
+        other = DirectSolver(runtime, name, deterministic=True)
+        np.testing.assert_array_equal(other.solve([matrix], g, SolveOptions(1e-18), threads=threads)[0], x)
 
 
 def test_the_slow_library_says_so(
