@@ -48,7 +48,9 @@ class Direction:
         return 0.0 if self.bound is None else self.bound * (1 - 0.5 * self.bound) * self.slope
 
 
-def detour(newton: Minimization, motion: Motion, gradient: FloatArray, here: FloatArray, first: Direction) -> Direction:
+def best_direction(
+    newton: Minimization, motion: Motion, gradient: FloatArray, here: FloatArray, first: Direction
+) -> Direction:
     """The best of a direction and a few that lead around what is in its way.
 
     newton: with contact. motion: starts where the direction does, at positions here. gradient: of all energies there.

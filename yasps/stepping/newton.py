@@ -26,7 +26,7 @@ from yasps import (
 from yasps.contact import BarrierContact, Candidates, crushed_gradient
 from yasps.frontend.language.arrays import positive_number
 from yasps.output import TimeTable
-from yasps.stepping.detour import Direction, detour, direction_of
+from yasps.stepping.detour import Direction, best_direction, direction_of
 from yasps.stepping.forces import Arms, ForceMeasure, checked_arms
 from yasps.stepping.motion import Motion, positions_of
 from yasps.stepping.settings import NewtonReport, NewtonSettings
@@ -153,7 +153,7 @@ class Minimization:
             self.stands_still = bool(longest <= 4 * np.finfo(np.float64).eps * np.abs(here).max(initial=0.0))
             is_short = settings.velocity_tolerance is None or report.largest_velocity < settings.velocity_tolerance
             if self.contact is not None and not is_short:
-                direction = detour(self, motion, solution.gradient, here, direction)
+                direction = best_direction(self, motion, solution.gradient, here, direction)
             here, report.energy = _LineSearch(self, motion, direction, here).run(is_short)
             if self.contact is not None:
                 self.contact.accept(here)
