@@ -11,12 +11,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from yasps.meshes import TetrahedralMesh, rabbit, read_tetrahedral_mesh
+from yasps.output import PALETTE
 from yasps.program import CheckFailedError
 
 DIAGONAL = 1.0  # m, of the box around a bunny
 CLOTH = "cloth_0"
 GRAVITY = 9.8  # m/s^2
-VIEW = (0.35, -1.0, 0.75)  # from the scene towards the camera
+VIEW = (0.3, -1.0, 1.4)  # from the scene towards the camera
 
 
 class Thing(Protocol):
@@ -52,6 +53,11 @@ def place_of_bunny(number: int) -> tuple[float, float, float]:
     return 0.4 * (-1) ** (number + number // 2), 0.0, 0.8 + 0.9 * (number // 2)
 
 
+def colors_of(bunnies: int) -> dict[str, str]:
+    """Light blue and dark pink in turn, and the cloth."""
+    return {f"bunny_{number}": PALETTE[number % 2] for number in range(bunnies)} | {CLOTH: PALETTE[2]}
+
+
 def cloth_corners(cells: int) -> list[int]:
     """The corners of a square `cloth_grid` of so many cells along each side."""
     return [0, cells, cells * (cells + 1), (cells + 1) ** 2 - 1]
@@ -83,7 +89,7 @@ def check_end(things: Sequence[Thing], masses: Mapping[str, NDArray[np.float64]]
         raise CheckFailedError(f"the motion has {motion:.6g} J, but only {fallen:.6g} J came from falling")
     lowest = float((cloth.positions() - cloth.rest)[:, 2].min())
     return (
-        f"{len(things) - 1} bodies are above the cloth, which hangs {-lowest:.2f} m deep from its corners;"
+        f"bodies above the cloth: {len(things) - 1}; it hangs {-lowest:.2f} m deep from its corners;"
         f" {motion:.3g} J of {fallen:.3g} J from falling are left as motion, and the flattest tetrahedron has"
         f" {worst:.2f} of its volume"
     )

@@ -17,7 +17,7 @@ from collections.abc import Sequence
 
 from yasps import Scene
 from yasps.bodies import AffineBody, CagedBody, Cloth, SoftBody
-from yasps.examples.bunnies_and_cloth import VIEW, bunny_shape, check_end, cloth_corners, number_of, place_of_bunny
+from yasps.examples import bunnies_and_cloth as common
 from yasps.meshes import TetrahedralMesh, cloth_grid
 from yasps.program import Options, SceneProgram
 from yasps.simulation import Simulation
@@ -47,7 +47,9 @@ PROGRAM = SceneProgram(
     size_means="cells along each side of the cloth; the rabbits are about as fine",
     mesh_means="tetrahedral mesh with y up, instead of the rabbit",
 )
-PROGRAM.add_argument("--bunnies", type=number_of, default=2, metavar="N", help="others, soft and stiff in turn (2)")
+PROGRAM.add_argument(
+    "--bunnies", type=common.number_of, default=2, metavar="N", help="others, soft and stiff in turn (2)"
+)
 PROGRAM.add_argument("--element", choices=tuple(ELEMENTS), default="tet4", help="of the cage (tet4)")
 PROGRAM.add_argument("--barrier", choices=tuple(STIFFNESS), default="log", help="of contact (log)")
 
@@ -103,12 +105,12 @@ def add_caged_bunny(scene: Scene, name: str, shape: TetrahedralMesh, divisions: 
 def build(options: Options) -> Simulation:
     """The bunnies above the cloth."""
     scene = PROGRAM.scene(options)
-    shape = bunny_shape(options.size, options.mesh)
+    shape = common.bunny_shape(options.size, options.mesh)
     bunnies = []
     for number in range(options.bunnies):
         add_bunny = add_stiff_bunny if number % 2 else add_soft_bunny
-        bunnies.append(add_bunny(scene, f"bunny_{number}", shape.translated(place_of_bunny(number))))
-    placed, divisions = shape.translated(place_of_bunny(options.bunnies)), max(2, options.size // 10)
+        bunnies.append(add_bunny(scene, f"bunny_{number}", shape.translated(common.place_of_bunny(number))))
+    placed, divisions = shape.translated(common.place_of_bunny(options.bunnies)), max(2, options.size // 10)
     caged = add_caged_bunny(scene, "caged", placed, divisions, options.element)
     cloth = add_cloth(scene, "cloth_0", WIDTH, 0.0, options.size)
     # --- Newton iteration ---
@@ -122,7 +124,7 @@ def build(options: Options) -> Simulation:
         settings=NewtonSettings(velocity_tolerance=TOLERANCE, max_iterations=500),
     )
     # --- Initialisation ---
-    simulation.pin(cloth, cloth_corners(options.size))
+    simulation.pin(cloth, common.cloth_corners(options.size))
     return simulation
 
 
@@ -130,12 +132,13 @@ def build(options: Options) -> Simulation:
 def check(simulation: Simulation, options: Options) -> str:
     """See `check_end`."""
     masses = {body.name: body.mass.value for body in simulation.bodies}
-    return check_end(simulation.bodies, masses, simulation.stepper.kinetic_energy())
+    return common.check_end(simulation.bodies, masses, simulation.stepper.kinetic_energy())
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Entry point of `yasps run caged_bunny`."""
-    return PROGRAM.run(arguments, build, check, view_direction=VIEW)
+    colors = common.colors_of(PROGRAM.options(arguments).bunnies)
+    return PROGRAM.run(arguments, build, check, view_direction=common.VIEW, colors=colors)
 
 
 if __name__ == "__main__":

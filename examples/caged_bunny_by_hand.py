@@ -13,8 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from yasps import Scene
+from yasps.examples import bunnies_and_cloth as common
 from yasps.examples import caged_bunny as kit
-from yasps.examples.bunnies_and_cloth import bunny_shape, number_of, place_of_bunny
 from yasps.examples.cloths_on_bunny_by_hand import Body, Floats, World, add_inertia_and_weight, run, stable_neo_hookean
 from yasps.examples.many_bunnies_on_cloth_by_hand import add_bunnies, add_sheet
 from yasps.meshes import ElementMesh, TetrahedralMesh, box, hex_box, trilinear_shape
@@ -30,7 +30,9 @@ PROGRAM = SceneProgram(
     size_means="cells along each side of the cloth; the rabbits are about as fine",
     mesh_means="tetrahedral mesh with y up, instead of the rabbit",
 )
-PROGRAM.add_argument("--bunnies", type=number_of, default=2, metavar="N", help="others, soft and stiff in turn (2)")
+PROGRAM.add_argument(
+    "--bunnies", type=common.number_of, default=2, metavar="N", help="others, soft and stiff in turn (2)"
+)
 PROGRAM.add_argument("--element", choices=tuple(kit.ELEMENTS), default="tet4", help="of the cage (tet4)")
 
 
@@ -91,9 +93,9 @@ def build(options: Options) -> World:
     """The bunnies above the cloth."""
     scene = PROGRAM.scene(options)
     scene.add_constant("time_step", 1, 1, value=options.dt)
-    shape = bunny_shape(options.size, options.mesh)
+    shape = common.bunny_shape(options.size, options.mesh)
     bunnies = add_bunnies(scene, shape, options.bunnies)
-    placed, divisions = shape.translated(place_of_bunny(options.bunnies)), max(2, options.size // 10)
+    placed, divisions = shape.translated(common.place_of_bunny(options.bunnies)), max(2, options.size // 10)
     bunnies.append(add_caged_bunny(scene, placed, options.element, divisions))
     return World(scene, [*bunnies, add_sheet(scene, options.size)])
 

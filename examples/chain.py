@@ -1,8 +1,8 @@
 """A chain of steel links, held at both ends, falls into its curve; the links hold each other by contact alone.
 
-The links are affine bodies, each swept along an oval and through the holes of its neighbours; the first and the last one are
-obstacles. At the end each link still goes through the next (the Gauss linking number of their centre lines is 1 or -1), and
-what the two held ones carry is the mass of the others times gravity and acceleration.
+The links are affine bodies, each swept along an oval through the holes of its neighbours; the first and the last one
+are obstacles. At the end each link still goes through the next (the Gauss linking number of their centre lines is 1 or
+-1), and what the two held ones carry is m (g + a), the mass of the others times gravity and acceleration.
 """
 
 from __future__ import annotations

@@ -1,8 +1,9 @@
 """A cloth falls on a sphere, the sphere begins to turn, and friction takes the cloth along and folds it.
 
-The cloth is cotton, 0.5 m wide and 1 mm thick: soft up to a stretch of 10 %, stiff beyond (`materials.strain_limiting`,
-added to the body in one line). Its corners lie on the ground and lag behind. `--turning 0 --friction 0` is the scene that
-simulators are often compared by: a cloth that falls on a sphere at rest. `--size 100` has 10,201 vertices.
+The cloth is cotton, 0.5 m wide and 1 mm thick: soft up to a stretch of 10 %, stiff beyond
+(`materials.strain_limiting`, added to the body). Its corners lie on the ground and lag behind.
+`--turning 0 --friction 0 --size 100` is a scene that simulators are often compared by: 10,201 vertices that fall on a
+sphere at rest.
 """
 
 from __future__ import annotations
@@ -75,7 +76,7 @@ def build(options: Options) -> Simulation:
 
     def motion(time: float) -> NDArray[np.float64]:
         turn = Rotation.from_rotvec([0.0, 0.0, angle_of_sphere(time, options.turning)])
-        return np.asarray(turn.apply(ball)) + [0.0, 0.0, CENTRE]
+        return np.asarray(turn.apply(ball) + np.array([0.0, 0.0, CENTRE]))
 
     below = MovingObstacle(
         scene, "sphere", TriangleMesh(motion(0.0), triangles.reshape(-1, 3).astype(np.int32)), motion=motion
@@ -126,8 +127,8 @@ def check(simulation: Simulation, options: Options) -> str:
     if options.friction == 0.0 and abs(of_cloth) > np.radians(10.0):
         raise CheckFailedError(f"the cloth has turned by {np.degrees(of_cloth):.0f} degrees without friction")
     return (
-        f"the sphere has turned by {np.degrees(of_sphere):.0f} degrees, the cloth on it is {np.degrees(lag):.1f} degrees off; "
-        f"largest strain {strain:.3f}"
+        f"the sphere has turned by {np.degrees(of_sphere):.0f} degrees, the cloth on it is {np.degrees(lag):.1f} off;"
+        f" largest strain {strain:.3f}"
     )
 
 

@@ -21,7 +21,7 @@ from collections.abc import Sequence
 
 from yasps import Scene
 from yasps.bodies import Cloth, SoftBody
-from yasps.examples.bunnies_and_cloth import VIEW, bunny_shape, check_end, cloth_corners, number_of
+from yasps.examples import bunnies_and_cloth as common
 from yasps.meshes import TetrahedralMesh, cloth_grid
 from yasps.program import Options, SceneProgram
 from yasps.simulation import Simulation
@@ -50,7 +50,7 @@ PROGRAM = SceneProgram(
     size_means="cells along each side of a cloth; the rabbit is about as fine",
     mesh_means="tetrahedral mesh with y up, instead of the rabbit",
 )
-PROGRAM.add_argument("--cloths", type=number_of, default=1, metavar="N", help="how many fall on the bunny (1)")
+PROGRAM.add_argument("--cloths", type=common.number_of, default=1, metavar="N", help="how many fall on the bunny (1)")
 PROGRAM.add_argument("--barrier", choices=tuple(STIFFNESS), default="log", help="of contact (log)")
 
 
@@ -85,7 +85,7 @@ def add_cloth(scene: Scene, name: str, width: float, height: float, cells: int) 
 def build(options: Options) -> Simulation:
     """The bunny between the lower cloth and the others."""
     scene = PROGRAM.scene(options)
-    shape = bunny_shape(options.size, options.mesh)
+    shape = common.bunny_shape(options.size, options.mesh)
     bunny = add_soft_bunny(scene, "bunny", shape.translated((0.0, 0.0, LIFT)))
     cloths = [add_cloth(scene, "cloth_0", WIDTH, 0.0, options.size)]
     cloths += [
@@ -103,7 +103,7 @@ def build(options: Options) -> Simulation:
         settings=NewtonSettings(velocity_tolerance=TOLERANCE, max_iterations=500),
     )
     # --- Initialisation ---
-    simulation.pin(cloths[0], cloth_corners(options.size))
+    simulation.pin(cloths[0], common.cloth_corners(options.size))
     return simulation
 
 
@@ -111,12 +111,12 @@ def build(options: Options) -> Simulation:
 def check(simulation: Simulation, options: Options) -> str:
     """See `check_end`."""
     masses = {body.name: body.mass.value for body in simulation.bodies}
-    return check_end(simulation.bodies, masses, simulation.stepper.kinetic_energy())
+    return common.check_end(simulation.bodies, masses, simulation.stepper.kinetic_energy())
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Entry point of `yasps run cloths_on_bunny`."""
-    return PROGRAM.run(arguments, build, check, view_direction=VIEW)
+    return PROGRAM.run(arguments, build, check, view_direction=common.VIEW)
 
 
 if __name__ == "__main__":

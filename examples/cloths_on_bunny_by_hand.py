@@ -18,8 +18,8 @@ from numpy.typing import NDArray
 
 from yasps import Attribute, Mesh, NotConvergedError, Primitive, PrimitiveUnion, Scene, SceneError, concat_rows, select
 from yasps.contact import CollisionGeometry
+from yasps.examples import bunnies_and_cloth as common
 from yasps.examples import cloths_on_bunny as kit
-from yasps.examples.bunnies_and_cloth import GRAVITY, bunny_shape, check_end, cloth_corners, number_of
 from yasps.meshes import TetrahedralMesh, TriangleMesh, cloth_grid, hinge_stiffness, hinges_of, triangle_vertex_masses
 from yasps.output import FrameRecorder
 from yasps.program import Options, SceneProgram
@@ -38,7 +38,7 @@ PROGRAM = SceneProgram(
     size_means="cells along each side of a cloth; the rabbit is about as fine",
     mesh_means="tetrahedral mesh with y up, instead of the rabbit",
 )
-PROGRAM.add_argument("--cloths", type=number_of, default=1, metavar="N", help="how many fall on the bunny (1)")
+PROGRAM.add_argument("--cloths", type=common.number_of, default=1, metavar="N", help="how many fall on the bunny (1)")
 
 
 # --- Integration ---
@@ -124,7 +124,9 @@ def add_cloth(
     scene.add_energy(hinges.add_attribute("bending", computed_attribute=of_hinges * bent(x)))
     cloth = Body(name, mesh, vertices, [position], triangles, {"triangle": triangles}, vertices_at_rest)
     if is_held:
-        is_fixed = np.isin(np.arange(len(vertices_at_rest)), cloth_corners(round(len(vertices_at_rest) ** 0.5) - 1))
+        is_fixed = np.isin(
+            np.arange(len(vertices_at_rest)), common.cloth_corners(round(len(vertices_at_rest) ** 0.5) - 1)
+        )
         cloth.fixed[position] = is_fixed
     return cloth
 
@@ -137,7 +139,7 @@ def add_inertia_and_weight(vertices: Primitive, mass: Floats) -> None:
     off = position - vertices.add_constant("predicted", 3, 1)
     inertia = 0.5 * m * off.dot(off) / (scene["time_step"] * scene["time_step"])
     scene.add_energy(vertices.add_attribute("inertia", computed_attribute=inertia))
-    scene.add_energy(vertices.add_attribute("weight", computed_attribute=GRAVITY * m * position[2]))
+    scene.add_energy(vertices.add_attribute("weight", computed_attribute=common.GRAVITY * m * position[2]))
 
 
 def stable_neo_hookean(f: Attribute, youngs_modulus: float, poisson_ratio: float) -> Attribute:
@@ -308,7 +310,7 @@ def build(options: Options) -> World:
     """The bunny between the lower cloth and the others."""
     scene = PROGRAM.scene(options)
     scene.add_constant("time_step", 1, 1, value=options.dt)
-    shape = bunny_shape(options.size, options.mesh).translated((0.0, 0.0, kit.LIFT))
+    shape = common.bunny_shape(options.size, options.mesh).translated((0.0, 0.0, kit.LIFT))
     bodies = [add_soft_bunny(scene, "bunny", shape, mass=kit.MASS, moduli=(kit.YOUNGS_MODULUS, kit.POISSON_RATIO))]
     for number in range(options.cloths + 1):
         width, height = (kit.UPPER_WIDTH, 2.0 * number - 0.2) if number else (kit.WIDTH, 0.0)
@@ -320,13 +322,18 @@ def build(options: Options) -> World:
 
 # --- Program ---
 def run(program: SceneProgram, arguments: Sequence[str] | None, build: Callable[[Options], World]) -> int:
-    """All steps, the results file, and the check of the end."""
+    """All steps, the results file, and the check of the end. Raises SceneError for `--resume`, CheckFailedError."""
     options = program.options(arguments)
+    if options.resume:
+        raise SceneError(f"--resume: {program.name} is made by hand and writes no checkpoints; begin again without it")
     world = build(options)
     if options.seed:  # each vertex moves by at most a hundredth of the activation distance in the first step
         random, speed = np.random.default_rng(options.seed), 1e-2 * kit.DISTANCE / options.dt / np.sqrt(3.0)
         world.velocities = [speed * random.uniform(-1.0, 1.0, velocity.shape) for velocity in world.velocities]
-    with FrameRecorder(world, options.output, program.name, pictures=not options.headless) as files:
+    view = common.VIEW
+    with FrameRecorder(
+        world, options.output, program.name, pictures=not options.headless, view_direction=view
+    ) as files:
         files.record(world)
         iterations = 0
         for _ in range(options.frames):
@@ -334,7 +341,7 @@ def run(program: SceneProgram, arguments: Sequence[str] | None, build: Callable[
             world.geometry.check_intersection_free(world.positions())
             files.record(world)
     masses = {body.name: body.vertices["mass"].value for body in world.bodies}
-    print(check_end(world.bodies, masses, world.motion()))
+    print(common.check_end(world.bodies, masses, world.motion()))
     print(f"{options.frames} frames: {iterations} Newton iterations")
     return 0
 

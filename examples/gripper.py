@@ -1,8 +1,8 @@
 """Two fingers lift a soft ball by friction alone, and the force that lifts it is read out as it happens.
 
-The fingers are obstacles that close, rise and stand still as a function of time says. Each line that is printed compares
-the force of both fingers and the ground on the ball with m (g + a), the ball's mass times gravity and its own acceleration.
-With too little friction (`--friction 0.1`) the ball slips out and stays on the ground.
+The fingers are obstacles that close, rise and stand still as a function of time says. Each line that is printed has the
+forces of both fingers and of the ground on the ball, and m (g + a), its mass times gravity and its own acceleration,
+which they add up to. With too little friction (`--friction 0.1`) the ball slips out and stays on the ground.
 """
 
 from __future__ import annotations
@@ -100,7 +100,8 @@ def check(simulation: Simulation, options: Options) -> str:
     """The ball hangs between the fingers, which carry its weight; or with little friction it lies on the ground."""
     if simulation.time < STILL:
         raise CheckFailedError(
-            f"the fingers stand still at {RAISED} s and the ball hangs at {STILL} s; the run ended at {simulation.time:.2f} s"
+            f"the fingers stand still at {RAISED} s and the ball hangs at {STILL} s; the run ended at"
+            f" {simulation.time:.2f} s: give it more --frames"
         )
     ball = simulation.moving[0]
     height, weight = float(ball.positions()[:, 2].min()), 9.8 * float(ball.mass.value.sum())

@@ -12,7 +12,7 @@ from collections.abc import Sequence
 
 from yasps import Scene
 from yasps.bodies import AffineBody, Cloth, SoftBody
-from yasps.examples.bunnies_and_cloth import VIEW, bunny_shape, check_end, cloth_corners, number_of, place_of_bunny
+from yasps.examples import bunnies_and_cloth as common
 from yasps.meshes import TetrahedralMesh, cloth_grid
 from yasps.program import Options, SceneProgram
 from yasps.simulation import Simulation
@@ -40,7 +40,9 @@ PROGRAM = SceneProgram(
     size_means="cells along each side of the cloth; the rabbits are about as fine",
     mesh_means="tetrahedral mesh with y up, instead of the rabbit",
 )
-PROGRAM.add_argument("--bunnies", type=number_of, default=4, metavar="N", help="how many, soft and stiff in turn (4)")
+PROGRAM.add_argument(
+    "--bunnies", type=common.number_of, default=4, metavar="N", help="how many, soft and stiff in turn (4)"
+)
 PROGRAM.add_argument("--barrier", choices=tuple(STIFFNESS), default="log", help="of contact (log)")
 
 
@@ -81,11 +83,11 @@ def add_stiff_bunny(scene: Scene, name: str, shape: TetrahedralMesh) -> AffineBo
 def build(options: Options) -> Simulation:
     """The bunnies above the cloth."""
     scene = PROGRAM.scene(options)
-    shape = bunny_shape(options.size, options.mesh)
+    shape = common.bunny_shape(options.size, options.mesh)
     bunnies = []
     for number in range(options.bunnies):
         add_bunny = add_stiff_bunny if number % 2 else add_soft_bunny
-        bunnies.append(add_bunny(scene, f"bunny_{number}", shape.translated(place_of_bunny(number))))
+        bunnies.append(add_bunny(scene, f"bunny_{number}", shape.translated(common.place_of_bunny(number))))
     cloth = add_cloth(scene, "cloth_0", WIDTH, 0.0, options.size)
     # --- Newton iteration ---
     simulation = Simulation(
@@ -98,7 +100,7 @@ def build(options: Options) -> Simulation:
         settings=NewtonSettings(velocity_tolerance=TOLERANCE, max_iterations=500),
     )
     # --- Initialisation ---
-    simulation.pin(cloth, cloth_corners(options.size))
+    simulation.pin(cloth, common.cloth_corners(options.size))
     return simulation
 
 
@@ -106,12 +108,13 @@ def build(options: Options) -> Simulation:
 def check(simulation: Simulation, options: Options) -> str:
     """See `check_end`."""
     masses = {body.name: body.mass.value for body in simulation.bodies}
-    return check_end(simulation.bodies, masses, simulation.stepper.kinetic_energy())
+    return common.check_end(simulation.bodies, masses, simulation.stepper.kinetic_energy())
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Entry point of `yasps run many_bunnies_on_cloth`."""
-    return PROGRAM.run(arguments, build, check, view_direction=VIEW)
+    colors = common.colors_of(PROGRAM.options(arguments).bunnies)
+    return PROGRAM.run(arguments, build, check, view_direction=common.VIEW, colors=colors)
 
 
 if __name__ == "__main__":

@@ -12,8 +12,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from yasps import Attribute, Scene, identity
+from yasps.examples import bunnies_and_cloth as common
 from yasps.examples import many_bunnies_on_cloth as kit
-from yasps.examples.bunnies_and_cloth import bunny_shape, number_of, place_of_bunny
 from yasps.examples.cloths_on_bunny_by_hand import Body, World, add_cloth, add_inertia_and_weight, add_soft_bunny, run
 from yasps.meshes import TetrahedralMesh, cloth_grid
 from yasps.program import Options, SceneProgram
@@ -31,7 +31,9 @@ PROGRAM = SceneProgram(
     size_means="cells along each side of the cloth; the rabbits are about as fine",
     mesh_means="tetrahedral mesh with y up, instead of the rabbit",
 )
-PROGRAM.add_argument("--bunnies", type=number_of, default=4, metavar="N", help="how many, soft and stiff in turn (4)")
+PROGRAM.add_argument(
+    "--bunnies", type=common.number_of, default=4, metavar="N", help="how many, soft and stiff in turn (4)"
+)
 
 
 # --- Integration ---
@@ -66,7 +68,7 @@ def add_bunnies(scene: Scene, shape: TetrahedralMesh, count: int) -> list[Body]:
     """Soft and stiff ones in turn."""
     bunnies = []
     for k in range(count):
-        name, placed = f"bunny_{k}", shape.translated(place_of_bunny(k))
+        name, placed = f"bunny_{k}", shape.translated(common.place_of_bunny(k))
         if k % 2:
             bunnies.append(add_stiff_bunny(scene, name, placed, mass=kit.STIFF_MASS, youngs_modulus=kit.STIFF_MODULUS))
         else:
@@ -84,7 +86,7 @@ def build(options: Options) -> World:
     """The bunnies above the cloth."""
     scene = PROGRAM.scene(options)
     scene.add_constant("time_step", 1, 1, value=options.dt)
-    bunnies = add_bunnies(scene, bunny_shape(options.size, options.mesh), options.bunnies)
+    bunnies = add_bunnies(scene, common.bunny_shape(options.size, options.mesh), options.bunnies)
     return World(scene, [*bunnies, add_sheet(scene, options.size)])
 
 

@@ -1,7 +1,7 @@
 """Noodles fall into a bowl: thin rods with thickness and friction, which meet each other edge against edge.
 
-Each noodle is a chain of straight segments that stretch and bend (`yasps.bodies.Rod`), 0.25 m long and 4 mm thick. At the end
-all of them are in the bowl, none is stretched, and the bowl carries their mass times gravity and acceleration.
+Each noodle is a chain of straight segments that stretch and bend (`yasps.bodies.Rod`), 0.25 m long and 4 mm thick. At
+the end all of them are in the bowl, none is stretched, and the bowl carries their mass times gravity and acceleration.
 """
 
 from __future__ import annotations
@@ -106,8 +106,8 @@ def check(simulation: Simulation, options: Options) -> str:
     if not abs(on_bowl - needed) < 0.01 * weight:
         raise CheckFailedError(f"the bowl carries {on_bowl:.4f} N, the noodles' m (g + a) is {needed:.4f} N")
     return (
-        f"{options.size**2} noodles lie in the bowl, up to {1e3 * (x[:, 2].max() + BOWL):.0f} mm high, stretched by at most"
-        f" {100 * stretch:.2f} %; the bowl carries {on_bowl:.4f} N, they weigh {weight:.4f} N"
+        f"{options.size**2} noodles lie in the bowl, up to {1e3 * (x[:, 2].max() + BOWL):.0f} mm high, stretched by at"
+        f" most {100 * stretch:.2f} %; the bowl carries {on_bowl:.4f} N, they weigh {weight:.4f} N"
     )
 
 

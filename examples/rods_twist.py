@@ -1,7 +1,8 @@
 """Four soft bars are twisted at both ends, at first each by itself and then around each other.
 
-Both ends of each bar are pinned, and the pins turn about the common axis, in opposite directions: they are exactly where they
-shall be at the end of each step. No tetrahedron turns inside out, and the bars press on each other without crossing.
+Both ends of each bar are pinned, and the pins turn about the common axis, in opposite directions: they are exactly
+where they shall be at the end of each step. No tetrahedron turns inside out, and the bars press on each other without
+crossing.
 """
 
 from __future__ import annotations
@@ -83,7 +84,10 @@ def check(simulation: Simulation, options: Options) -> str:
     least = float(np.min(volumes))
     if not least > 0:
         raise CheckFailedError(f"a tetrahedron has turned inside out: its volume is {least:.2f} of that at rest")
-    told = f"each end has turned by {np.degrees(angle):.0f} degrees; the least volume of a tetrahedron is {least:.2f} of that at rest"
+    told = (
+        f"each end has turned by {np.degrees(angle):.0f} degrees; the least volume of a tetrahedron is {least:.2f} of"
+        " that at rest"
+    )
     if angle < TOUCHES:
         return told
     forces = simulation.contact_forces()

@@ -1,7 +1,8 @@
 """Blocks on a turning disc: friction holds those near the axis, and those farther out slide off.
 
-A block at the distance r from the axis needs the acceleration w^2 r, and friction has mu g at most. So with a coefficient
-of 0.5 and 4 rad/s blocks go round for ever up to r = 0.306 m, and none stays beyond; with 0.05 only those within 3 cm do.
+A block at the distance r from the axis needs the acceleration w^2 r, and friction has mu g at most. So with a
+coefficient of 0.5 and 4 rad/s blocks go round for ever up to r = 0.306 m, and none stays beyond; with 0.05 only those
+within 3 cm do.
 """
 
 from __future__ import annotations
@@ -98,7 +99,7 @@ def check(simulation: Simulation, options: Options) -> str:
     outwards = ends - starts
     holds, slides = starts < (1 - MARGIN) * limit, starts > (1 + MARGIN) * limit
     creep = SLIP_SPEED * simulation.time + DISTANCE
-    # The least that a block slides: with the acceleration that friction lacks, outwards for a quarter of a turn at most.
+    # The least that a block slides: with half of the acceleration that friction lacks, for at most a quarter of a turn.
     seconds = min(simulation.time, 0.25 * 2 * np.pi / RATE)
     way = 0.25 * (RATE**2 * starts - options.friction * GRAVITY) * seconds**2
     for number in np.flatnonzero(holds & (np.abs(outwards) > creep)):
@@ -113,7 +114,8 @@ def check(simulation: Simulation, options: Options) -> str:
         )
     return (
         f"friction holds blocks up to {limit:.3f} m from the axis: {holds.sum()} are carried, {slides.sum()} slid off,"
-        f" {(~holds & ~slides).sum()} near the limit; largest creep {1e3 * np.abs(outwards[holds]).max(initial=0.0):.2f} mm"
+        f" {(~holds & ~slides).sum()} near the limit; largest creep"
+        f" {1e3 * np.abs(outwards[holds]).max(initial=0.0):.2f} mm"
     )
 
 

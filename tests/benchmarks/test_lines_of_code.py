@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+import re
+from pathlib import Path
+
 import pytest
 
 from benchmarks.lines_of_code import (
     OTHER_PART,
+    PAPER,
     PARTS,
     SCENES,
     CodeLine,
@@ -16,6 +20,7 @@ from benchmarks.lines_of_code import (
     scene_lines,
 )
 
+ROOT = Path(__file__).resolve().parents[2]
 SOURCE = '''"""A module
 of two lines."""
 
@@ -80,3 +85,15 @@ def test_a_kind_of_body_costs_few_lines(scene: str, by_hand: bool, most: int) ->
     added_energies = [line for line in lines if line.part == "energy definition"]
     assert bool(added_energies) is by_hand
     assert not [line for line in lines if line.part in ("collision", "newton iteration")][1:]
+
+
+def test_the_document_says_how_many() -> None:
+    text = (ROOT / "docs" / "performance.md").read_text(encoding="utf-8")
+    for by_hand, which in ((False, "with the kit"), (True, "by hand")):
+        for scene in SCENES:
+            counts = by_part(scene_lines(scene, by_hand=by_hand))
+            cells = [str(counts[part] or "") for part in PARTS]
+            cells.append("" if scene == "9.1" else str(len(added_lines(scene, by_hand=by_hand))))
+            cells.append(str(PAPER[scene]) if by_hand and scene in PAPER else "")
+            row = re.sub("  +", " ", f"| {scene} {which} | {' | '.join(cells)} |")
+            assert row in text, row

@@ -7,8 +7,8 @@ import pytest
 from collision_scenes import ONE, TRIANGLE
 from numpy.typing import NDArray
 
-from yasps import IntersectionError, YaspsError
-from yasps.contact import ActiveSet, CollisionGeometry
+from yasps import IntersectionError, Scene, YaspsError
+from yasps.contact import ActiveSet, BarrierContact, CollisionGeometry
 
 Floats = NDArray[np.float64]
 NOTHING = np.empty((0, 3), np.int32)
@@ -121,6 +121,29 @@ def test_rods_count_each_pair_once() -> None:
     assert active.point_triangle.vertices[:, 0].tolist() == [3, 4, 5]
     assert active.point_triangle.counts.tolist() == [[1, 0]] * 3
     assert len(active) == 3
+
+
+@pytest.mark.parametrize("radius", [0.0, 0.004])
+def test_a_scene_may_have_no_triangle_at_all(radius: float) -> None:
+    """Two loose points: each has the cross-section pi r^2, half of which is its share of a pair."""
+    scene = Scene("points", threads=1)
+    vertices = scene.add_mesh("loose").add_primitive("vertices", 2)
+    position = vertices.add_attribute("position", 3, 1, value=[[0.0, 0, 0], [2 * radius + 0.008, 0, 0]])
+    contact = BarrierContact(
+        scene.add_mesh("contact"),
+        vertices,
+        NOTHING,
+        points=[0, 1],
+        radii=radius,
+        rest_positions=[[0.0, 0, 0], [1.0, 0, 0]],
+        activation_distance=0.01,
+        stiffness=1e4,
+    )
+    scene.add_minimize_target(position)
+    contact.update()
+    share = ((2 * radius + 0.008) ** 2 - 4 * radius**2) / (0.01**2 + 2 * 0.01 * 2 * radius)
+    expected = np.pi * (radius or 0.005) ** 2 * 1e4 * 0.01 * -((share - 1) ** 2) * np.log(share)
+    assert scene.total_energy() == pytest.approx(expected, rel=1e-12)
 
 
 def test_wrong_points_are_named() -> None:

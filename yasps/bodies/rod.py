@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -37,9 +38,10 @@ class Rod(Body):
         unstretched there, and where they meet at an angle the rod is bent. radius [m]: of the round cross-section, and
         of contact; density [kg/m^3]; youngs_modulus E [Pa].
 
-        A rod resists stretching by E pi r^2 and bending by E pi r^4 / 4 (`materials.rod_stretching`, `rod_bending`); what
-        turns about its own axis costs nothing. With rest curvature or twist, write `materials.rod_material_bending` and
-        `rod_twisting`. Raises SceneError, DataError, ShapeMismatchError, NameTakenError.
+        A rod resists stretching by E pi r^2 and bending by E pi r^4 / 4 (`materials.rod_stretching`, `rod_bending`);
+        what turns about its own axis costs nothing. With rest curvature or twist, write
+        `materials.rod_material_bending` and `rod_twisting`. Raises SceneError, DataError, ShapeMismatchError,
+        NameTakenError.
         """
         radius = positive_number(radius, f"{name}: radius", "m", SceneError)
         density = checked_density(name, density, "kg/m^3")
@@ -97,5 +99,5 @@ def _strands(name: str, points: ArrayLike | Sequence[ArrayLike]) -> list[Float64
 def _runs(starts: NDArray[np.int64], count: int) -> Int32Array:
     """So many vertices in a row, at every place where they belong to one rod, [m, count]; starts: first vertices of the
     rods, and the number of all."""
-    firsts = [np.arange(start, end - count + 1) for start, end in zip(starts[:-1], starts[1:], strict=True)]
+    firsts = [np.arange(start, end - count + 1) for start, end in pairwise(starts.tolist())]
     return (np.concatenate(firsts)[:, None] + np.arange(count)).astype(np.int32)

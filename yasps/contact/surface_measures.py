@@ -6,6 +6,9 @@ half of it over each of two surfaces that meet. Vertices are its points, each wi
 
 from __future__ import annotations
 
+from functools import reduce
+from operator import add
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -51,20 +54,22 @@ class SurfaceMeasures:
         count, reach = geometry.vertex_count, geometry.activation_distance
         triangles, edges = geometry.triangles, geometry.edges
         self.points, rest = points, points["rest_position"]
-        faces = mesh.add_primitive("surface_triangles", len(triangles))
-        corners = faces.add_attribute(
-            "rest_corners", through=faces.add_connectivity("corners", points, triangles, 3), source=rest
-        )
-        a, b, c = corners
-        normal = faces.add_attribute("rest_normal", computed_attribute=0.5 * (b - a).cross(c - a))
-        area = faces.add_attribute("rest_area", computed_attribute=normal.norm())
-
         lonely = np.flatnonzero(~_is_side(edges, triangles))
         is_point = edges[lonely, 0] == edges[lonely, 1]
         rods, loose = lonely[~is_point], lonely[is_point]
         self.edges = mesh.add_primitive("surface_edges", len(edges) + 1)
-        point_area = _sum_of(self.points, "triangles", faces, triangles, area) / 3
-        edge_area = self._area_of_edges(faces, _sides_of(edges, triangles)) / 3
+        of_points: list[Attribute] = []
+        of_edges: list[Attribute] = []
+        if len(triangles) > 0:
+            faces = mesh.add_primitive("surface_triangles", len(triangles))
+            corners = faces.add_attribute(
+                "rest_corners", through=faces.add_connectivity("corners", points, triangles, 3), source=rest
+            )
+            a, b, c = corners
+            normal = faces.add_attribute("rest_normal", computed_attribute=0.5 * (b - a).cross(c - a))
+            area = faces.add_attribute("rest_area", computed_attribute=normal.norm())
+            of_points.append(_sum_of(self.points, "triangles", faces, triangles, area) / 3)
+            of_edges.append(self._area_of_edges(faces, _sides_of(edges, triangles)) / 3)
         if len(rods) > 0:
             rod = mesh.add_primitive("surface_rods", len(rods))
             start, end = rod.add_attribute(
@@ -72,15 +77,16 @@ class SurfaceMeasures:
             )
             thick = rod.add_constant("width", 1, 1, value=_width(radii[edges[rods]].mean(axis=1), reach))
             side = rod.add_attribute("rest_area", computed_attribute=thick * (end - start).norm())
-            point_area = point_area + _sum_of(self.points, "rods", rod, edges[rods], side) / 2
-            edge_area = edge_area + _sum_of(self.edges, "rods", rod, rods.reshape(-1, 1), side)
+            of_points.append(_sum_of(self.points, "rods", rod, edges[rods], side) / 2)
+            of_edges.append(_sum_of(self.edges, "rods", rod, rods.reshape(-1, 1), side))
         if len(loose) > 0:
             disc = np.zeros(count)
             disc[edges[loose, 0]] = np.pi / 4 * _width(radii[edges[loose, 0]], reach) ** 2
             of_edge = np.zeros(len(edges) + 1)
             of_edge[loose] = disc[edges[loose, 0]]
-            point_area = point_area + self.points.add_constant("disc", 1, 1, value=disc)
-            edge_area = edge_area + self.edges.add_constant("disc", 1, 1, value=of_edge)
+            of_points.append(self.points.add_constant("disc", 1, 1, value=disc))
+            of_edges.append(self.edges.add_constant("disc", 1, 1, value=of_edge))
+        point_area, edge_area = (reduce(add, areas) for areas in (of_points, of_edges))
         self.points.add_attribute("half_area", computed_attribute=0.5 * point_area)
         self.edges.add_attribute("half_area", computed_attribute=0.5 * edge_area)
 

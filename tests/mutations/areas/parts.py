@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from mutation import Mutation
 
+BUNNIES = "tests/examples/test_bunnies_and_cloth.py"
 RIGID = "tests/bodies/test_rigid_and_caged_bodies.py"
 TURNS = (f"{RIGID}::test_a_block_turns_many_times_and_stays_rigid",)
 WEIGHTS = "tests/parameterisations/test_weights.py"
@@ -16,7 +17,30 @@ KINDS = "yasps/meshes/element_kinds.py"
 ELEMENT_MESH = "yasps/meshes/element_mesh.py"
 ELEMENTS = "tests/meshes/test_element_mesh.py"
 
+ROD_BODY, RODS = "yasps/bodies/rod.py", "tests/bodies/test_rods.py"
+
 MUTATIONS = (
+    Mutation(
+        "rods of several strands are joined to one",
+        ROD_BODY,
+        "np.arange(start, end - count + 1)",
+        "np.arange(start, min(end, starts[-1] - count + 1))",
+        (f"{RODS}::test_several_rods_have_nothing_between_them",),
+    ),
+    Mutation(
+        "the second moment of area of a rod is that of torsion",
+        ROD_BODY,
+        "youngs_modulus * section * radius**2 / 4",
+        "youngs_modulus * section * radius**2 / 2",
+        (f"{RODS}::test_a_rod_has_what_its_name_says",),
+    ),
+    Mutation(
+        "each end of a rod's segment has the mass of all of it",
+        ROD_BODY,
+        "0.5 * density * section * lengths",
+        "density * section * lengths",
+        (f"{RODS}::test_a_rod_has_what_its_name_says",),
+    ),
     Mutation(
         "masses are lumped by sums of rows",
         KINDS,
@@ -138,8 +162,43 @@ MUTATIONS = (
     Mutation(
         "a cage's cells are all full",
         "yasps/bodies/caged_body.py",
-        "volumes = points.volumes * np.repeat(filled, 8)",
+        "volumes = points.volumes * np.repeat(filled, len(points.volumes) // len(filled))",
         "volumes = points.volumes",
         (f"{RIGID}::test_a_caged_ball_keeps_its_momentum_and_every_corner_is_held",),
+    ),
+    Mutation(
+        "tetrahedra of a cage take corners in another order",
+        "yasps/bodies/caged_body.py",
+        "corners = cage.cells[:, np.argsort(cube)]",
+        "corners = cage.cells",
+        (f"{RIGID}::test_tetrahedra_of_a_cage_fill_its_cells",),
+    ),
+    Mutation(
+        "a cage of tetrahedra is one of hexahedra",
+        "yasps/bodies/caged_body.py",
+        'if element == "hexahedron" else _cut(self.cage)',
+        "if element else _cut(self.cage)",
+        (f"{RIGID}::test_a_cage_that_is_full_has_the_energy_and_the_mass_of_the_body",),
+    ),
+    Mutation(
+        "what has gone through the cloth is still above it",
+        "examples/bunnies_and_cloth.py",
+        "return int(np.sign(weights[heights < 0, 0]).sum()) == 1 and",
+        "return",
+        (f"{BUNNIES}::test_above_a_folded_sheet",),
+    ),
+    Mutation(
+        "affine bunnies by hand weigh more",
+        "examples/many_bunnies_on_cloth_by_hand.py",
+        "add_inertia_and_weight(vertices, shape.vertex_masses(mass / volume))",
+        "add_inertia_and_weight(vertices, shape.vertex_masses(1.01 * mass / volume))",
+        (f"{BUNNIES}::test_with_the_kit_and_by_hand_they_move_alike[many_bunnies_on_cloth-flags1]",),
+    ),
+    Mutation(
+        "docstrings are lines of code",
+        "benchmarks/lines_of_code.py",
+        "    has_code -= _docstring_lines(source)\n",
+        "",
+        ("tests/benchmarks/test_lines_of_code.py::test_comments_blank_lines_and_docstrings_are_no_code",),
     ),
 )
