@@ -28,6 +28,7 @@ from yasps.simulation.contact_of_bodies import ContactOptions, add_contact, stan
 from yasps.simulation.driven_bodies import DrivenBodies
 from yasps.simulation.fingerprint import fingerprint_of
 from yasps.simulation.frames import Recorder, run_frames
+from yasps.simulation.notebook import html_of
 from yasps.simulation.state import restore, save, set_state, state_of
 from yasps.stepping import (
     BACKWARD_EULER,
@@ -456,6 +457,10 @@ class Simulation:
         forces = None if self.contact is None else self.contact_forces()
         reach = self.activation_distance
         return step_report(self.scene, self.stepper, frame=self.frame, newton=self._last, forces=forces, reach=reach)
+
+    def _repr_html_(self) -> str:
+        """In a notebook: bodies, contact, time, and a picture where the machine can draw."""
+        return html_of(self)
 
     # -- state ---------------------------------------------------------------------------------------------
 
