@@ -13,6 +13,7 @@ from areas import (
     passes,
     projection,
     read_out,
+    results,
     scenes,
     solver,
     states,
@@ -36,5 +37,6 @@ AREAS: dict[str, tuple[Mutation, ...]] = {
     "stepping": stepping.MUTATIONS,
     "contact": contact.MUTATIONS,
     "read-out": read_out.MUTATIONS,
+    "results": results.MUTATIONS,
     "states": states.MUTATIONS,
 }

@@ -157,6 +157,7 @@ def test_the_camera_sees_the_whole_motion_or_follows(tmp_path: Path) -> None:
     follows = cameras(series, frames, View(camera="follow"), 4 / 3, 0.0)
     seen = [in_the_picture(series.positions(frame), *follows[frame], 4 / 3) for frame in frames]
     assert np.abs(seen).max() <= 1.0
+    assert np.abs(np.mean(seen, axis=1)).max() < 0.2  # in the middle, at both ends, too
     large = [np.ptp(one[:, 1]) for one in seen]
     assert min(large) > 4 * np.ptp(in_the_picture(series.positions(0), *whole[0], 4 / 3)[:, 1])
     box = seen_box(series, frames, View(bounds=((0.0, 0.0, 0.0), (1.0, 1.0, 1.0))))

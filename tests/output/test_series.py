@@ -15,7 +15,16 @@ import numpy as np
 import pytest
 from results_files import CUBE, DT, Motion, cube, everything, record
 
-from yasps.output import OBSTACLE_GREY, PALETTE, FrameRecorder, OutputFileError, Series, VtkHdfSeries, read_series
+from yasps.output import (
+    OBSTACLE_GREY,
+    PALETTE,
+    FrameRecorder,
+    OutputFileError,
+    Series,
+    VtkHdfSeries,
+    read_series,
+    vtkhdf,
+)
 
 
 def test_a_file_says_all_of_a_run(tmp_path: Path) -> None:
@@ -95,6 +104,28 @@ def test_a_resumed_file_is_that_of_an_uninterrupted_run(tmp_path: Path) -> None:
         np.testing.assert_array_equal(one.positions(frame), other.positions(frame))
         np.testing.assert_array_equal(one.field("velocity", frame), other.field("velocity", frame))
     assert one.number_of_points * 7 == len(h5py.File(recorder.file)["VTKHDF/Points"])
+
+
+def test_frames_that_are_cut_off_are_gone_before_they_are_written_over(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    motion = everything()
+    file = record(motion, tmp_path, 6)
+    motion.time = 2 * DT
+    put, seen = vtkhdf._put, []
+
+    def watched(dataset: Any, first: int, rows: Any) -> None:
+        copy = tmp_path / "as_a_kill_would_leave_it.vtkhdf"
+        copy.write_bytes(file.read_bytes())
+        seen.append(len(read_series(copy)))
+        put(dataset, first, rows)
+
+    with FrameRecorder(motion, tmp_path, "motion", pictures=False, resume=True) as recorder:
+        motion.step()
+        monkeypatch.setattr(vtkhdf, "_put", watched)
+        recorder.record(motion)
+    assert set(seen) == {3}
+    assert len(read_series(file)) == 4
 
 
 def test_resume_without_a_file_begins_one(tmp_path: Path) -> None:

@@ -189,7 +189,10 @@ class VtkHdfSeries:
             else:
                 with h5py.File(self.path, "r+") as file:
                     self._check_is_ours(file)
-                    _set_steps(file["VTKHDF/Steps"], self._frames)
+                    if self._frames_in_file > self._frames:
+                        # On the disk, before rows of frames that are cut off are written over: a kill may follow.
+                        _set_steps(file["VTKHDF/Steps"], self._frames)
+                        file.flush()
                     try:
                         self._append(file, float(time), positions, frame)
                     except BaseException:
