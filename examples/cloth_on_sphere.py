@@ -134,7 +134,9 @@ def check(simulation: Simulation, options: Options) -> str:
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Entry point of `yasps run cloth_on_sphere`."""
-    return PROGRAM.run(arguments, build, check)
+    return PROGRAM.run(
+        arguments, build, check, view_direction=(0.35, -1.0, 0.4), colors={"cloth": "#c2185b", "sphere": "#f2b134"}
+    )
 
 
 if __name__ == "__main__":

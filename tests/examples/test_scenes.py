@@ -26,6 +26,7 @@ SCENES: dict[str, list[str]] = {
     "many_bunnies_on_cloth": ["--size", "8", "--frames", "13", "--dt", "0.04", "--bunnies", "2"],
     "masonry_arch": ["--size", "3", "--frames", "12", "--friction", "0"],
     "mat_twist": ["--size", "400", "--frames", "45", "--speed", "50"],
+    "mixed_material_bunny": ["--size", "1500", "--frames", "12"],
     "noodles": ["--size", "1", "--frames", "90"],
     "rods_twist": ["--size", "1", "--frames", "70"],
     "turntable": ["--size", "2", "--frames", "25"],
