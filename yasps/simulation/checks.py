@@ -13,7 +13,6 @@ from yasps.bodies import Body, MovingObstacle
 from yasps.frontend.language.arrays import real_numbers
 from yasps.meshes.tetrahedral_mesh import Float64Array
 
-
 AnyBody = TypeVar("AnyBody", bound=Body)
 """Bodies of one class or of several: tables of bodies may have any of them as keys."""
 
