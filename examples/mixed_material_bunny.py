@@ -103,10 +103,10 @@ class MixedBunny(Body):
         elements = self.mesh.add_primitive("tets", num_instances=len(tets))
         corners = elements.add_connectivity("corners", self.vertices, tets, 4)
         x = elements.add_attribute("positions", through=corners, source=position)
-        inverse, rest_volume = materials.rest_shape(shape.vertices, tets)
+        inverse, volumes = materials.rest_shape(shape.vertices, tets)
         gradient = materials.deformation_gradient(x, elements.add_constant("inverse", 3, 3, value=inverse))
         mu, lam = materials.stable_neo_hookean_parameters(YOUNGS_MODULUS, POISSON_RATIO)
-        rest_volume = elements.add_constant("rest_volume", 1, 1, value=rest_volume)
+        rest_volume = elements.add_constant("rest_volume", 1, 1, value=volumes)
         elastic = materials.stable_neo_hookean(gradient, mu, lam, rest_volume)
         self.add_energy(elements.add_attribute("elastic", computed_attribute=elastic))
 

@@ -56,7 +56,7 @@ def places(count: int) -> NDArray[np.float64]:
     """Where the blocks stand, [n, 2] in m: each farther out than the one before it, and 137.5 degrees on."""
     distances = np.linspace(NEAREST, FARTHEST, count)
     angles = np.radians(137.5) * np.arange(count)
-    return distances[:, None] * np.column_stack([np.cos(angles), np.sin(angles)])
+    return np.asarray(distances[:, None] * np.column_stack([np.cos(angles), np.sin(angles)]))
 
 
 def build(options: Options) -> Simulation:

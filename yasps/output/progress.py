@@ -69,7 +69,8 @@ class FrameProgress:
         if in_notebook:
             from IPython.display import display
 
-            self._shown = display(self._bar, display_id=True)  # rich's own live bar needs ipywidgets
+            show: Any = display
+            self._shown = show(self._bar, display_id=True)  # rich's own live bar needs ipywidgets
 
     def update(
         self,

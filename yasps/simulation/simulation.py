@@ -23,7 +23,7 @@ from yasps.meshes.tetrahedral_mesh import Float64Array
 from yasps.output import TimeTable
 from yasps.simulation.applied_forces import AppliedForces, ForceField
 from yasps.simulation.checkpoints import Checkpoints
-from yasps.simulation.checks import check_names, checked_bodies, checked_velocities, vertex_velocities
+from yasps.simulation.checks import AnyBody, check_names, checked_bodies, checked_velocities, vertex_velocities
 from yasps.simulation.contact_of_bodies import ContactOptions, add_contact, stands_still
 from yasps.simulation.driven_bodies import DrivenBodies
 from yasps.simulation.fingerprint import fingerprint_of
@@ -96,7 +96,7 @@ class Simulation:
         eps_v: float = 1e-3,
         lagging: str = "once",
         integrator: Integrator = BACKWARD_EULER,
-        velocities: Mapping[Body, ArrayLike] | None = None,
+        velocities: Mapping[AnyBody, ArrayLike] | None = None,
         settings: NewtonSettings | None = None,
         rescue: int = 3,
         times: TimeTable | None = None,
