@@ -322,8 +322,10 @@ def build(options: Options) -> World:
 
 # --- Program ---
 def run(program: SceneProgram, arguments: Sequence[str] | None, build: Callable[[Options], World]) -> int:
-    """All steps, the results file, and the check of the end."""
+    """All steps, the results file, and the check of the end. Raises SceneError for `--resume`, CheckFailedError."""
     options = program.options(arguments)
+    if options.resume:
+        raise SceneError(f"--resume: {program.name} is made by hand and writes no checkpoints; begin again without it")
     world = build(options)
     if options.seed:  # each vertex moves by at most a hundredth of the activation distance in the first step
         random, speed = np.random.default_rng(options.seed), 1e-2 * kit.DISTANCE / options.dt / np.sqrt(3.0)

@@ -322,12 +322,13 @@ def test_every_python_block_is_run() -> None:
     run = {
         "README.md": 1,
         "architecture.md": 1,
-        "contact-and-stepping.md": 5,
+        "contact-and-stepping.md": 6,
         "gpu.md": 1,
         "language.md": 6,
         "parameterisations.md": 1,
         "parts.md": 1,
         "results.md": 1,
+        "scenes.md": 1,
     }
     assert {name: count for name, count in shown.items() if count} == run
 
@@ -395,7 +396,7 @@ def test_overlaps_are_taken_away(capsys: pytest.CaptureFixture[str]) -> None:
 
 @pytest.mark.slow
 def test_the_damping_of_the_document_takes_motion_away() -> None:
-    *_, code, _, _ = blocks(STEPPING, "python")
+    *_, code, _, _, _ = blocks(STEPPING, "python")
     kinetic = []
     for damped in (False, True):
         scene = Scene("damped", threads=1)
@@ -412,13 +413,22 @@ def test_the_damping_of_the_document_takes_motion_away() -> None:
 
 
 def test_the_cube_drops_and_drifts() -> None:
-    *_, code, _ = blocks(STEPPING, "python")
+    *_, code, _, _ = blocks(STEPPING, "python")
     names: dict[str, object] = {}
     exec(code + "\nmoved = (cube.positions() - cube.rest).mean(axis=0)", names)
     moved = names["moved"]
     assert isinstance(moved, np.ndarray)
     assert moved[0] > 1e-6
     assert -1.5e-2 < moved[2] < -5e-3  # it started 10 mm up, and is soft
+
+
+def test_the_cube_goes_back_to_a_state_in_a_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    *_, drop, code, _ = blocks(STEPPING, "python")
+    monkeypatch.chdir(tmp_path)
+    names: dict[str, Any] = {}
+    exec(drop + code, names)
+    assert names["simulation"].frame == 20
+    assert names["checkpoints"].file.is_file()
 
 
 def test_the_stepper_runs() -> None:

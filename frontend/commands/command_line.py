@@ -38,6 +38,8 @@ class Example:
 
     name: str
     summary: str
+    picture: Path | None
+    """Of what it shows."""
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -64,7 +66,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         elif chosen.command in results.COMMANDS:
             results.run(chosen)
         else:
-            _print_aligned({example.name: example.summary for example in find_examples().values()})
+            _print_aligned({example.name: _told(example) for example in find_examples().values()})
     except (YaspsError, CompilerNotFoundError, CacheFolderError, CudaNotFoundError, NoDeviceError) as error:
         if os.environ.get("YASPS_TRACEBACK") == "1":
             traceback.print_exc()
@@ -116,8 +118,14 @@ def find_examples() -> dict[str, Example]:
         tree = ast.parse(Path(spec.origin).read_text(encoding="utf-8"), filename=spec.origin)
         if any(isinstance(node, ast.FunctionDef) and node.name == "main" for node in tree.body):
             summary = (ast.get_docstring(tree) or "").partition("\n")[0]
-            examples[module.name] = Example(module.name, summary)
+            picture = Path(spec.origin).parent / "pictures" / f"{module.name}.jpg"
+            examples[module.name] = Example(module.name, summary, picture if picture.is_file() else None)
     return examples
+
+
+def _told(example: Example) -> str:
+    """Its line, and where its picture is."""
+    return example.summary if example.picture is None else f"{example.summary}\n{example.picture}"
 
 
 def _run_file(file: Path, arguments: Sequence[str]) -> int:
@@ -151,7 +159,10 @@ def _unknown_example(target: str, examples: Mapping[str, Example]) -> str:
 def _print_aligned(lines: Mapping[str, str]) -> None:
     width = max(map(len, lines), default=0)
     for name, text in lines.items():
-        print(f"{name:{width}}  {text}".rstrip())
+        first, *rest = text.split("\n")
+        print(f"{name:{width}}  {first}".rstrip())
+        for line in rest:
+            print(f"{'':{width}}  {line}")
 
 
 def _parser() -> argparse.ArgumentParser:
@@ -165,7 +176,7 @@ def _parser() -> argparse.ArgumentParser:
     teller.add_argument("target", metavar="FILE|EXAMPLE", help="as for run; it ends at its first scene with energies")
     teller.add_argument("arguments", nargs=argparse.REMAINDER, metavar="...", help="given on to what is run")
     results.add_parsers(commands)
-    commands.add_parser("examples", help="list the examples")
+    commands.add_parser("examples", help="list the examples, a line each, and where their pictures are")
     commands.add_parser("info", help="describe this machine and installation, for bug reports")
     return parser
 

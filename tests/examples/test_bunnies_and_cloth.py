@@ -10,9 +10,10 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from yasps import SceneError
+from yasps.examples import cloths_on_bunny_by_hand as by_hand
 from yasps.examples.bunnies_and_cloth import bunny_shape, check_end, cloth_corners, lies_above
 from yasps.examples.cloths_on_bunny import PROGRAM
-from yasps.examples.cloths_on_bunny_by_hand import World
 from yasps.meshes import TriangleMesh, box, cloth_grid, rabbit, write_mesh
 from yasps.program import CheckFailedError
 from yasps.simulation import Simulation
@@ -22,13 +23,13 @@ TIGHT = 1e-7  # m/s
 # -- with the kit and by hand ------------------------------------------------------------------------------
 
 
-def both(name: str, flags: list[str]) -> tuple[Simulation, World]:
+def both(name: str, flags: list[str]) -> tuple[Simulation, by_hand.World]:
     """A scene with the paper's barrier, with the kit and by hand."""
-    with_kit, by_hand = (importlib.import_module(f"yasps.examples.{name}{which}") for which in ("", "_by_hand"))
+    with_kit, without = (importlib.import_module(f"yasps.examples.{name}{which}") for which in ("", "_by_hand"))
     simulation: Simulation = with_kit.build(with_kit.PROGRAM.options([*flags, "--barrier", "paper"]))
     settings = simulation.stepper.settings
     simulation.stepper.settings = replace(settings, velocity_tolerance=TIGHT, linear_tolerance=1e-14)
-    world: World = by_hand.build(by_hand.PROGRAM.options(flags))
+    world: by_hand.World = without.build(without.PROGRAM.options(flags))
     world.tolerance, world.linear_tolerance = TIGHT, 1e-14
     return simulation, world
 
@@ -37,9 +38,9 @@ def both(name: str, flags: list[str]) -> tuple[Simulation, World]:
     ("name", "flags"),
     [
         pytest.param("cloths_on_bunny", ["--cloths", "1"], marks=pytest.mark.nightly),
-        pytest.param("many_bunnies_on_cloth", ["--bunnies", "2"], marks=pytest.mark.nightly),
+        pytest.param("many_bunnies_on_cloth", ["--bunnies", "2"], marks=pytest.mark.slow),
         pytest.param("caged_bunny", ["--bunnies", "2", "--element", "tet4"], marks=pytest.mark.nightly),
-        pytest.param("caged_bunny", ["--bunnies", "2", "--element", "hex8"], marks=pytest.mark.slow),
+        pytest.param("caged_bunny", ["--bunnies", "2", "--element", "hex8"], marks=pytest.mark.nightly),
     ],
 )
 def test_with_the_kit_and_by_hand_they_move_alike(name: str, flags: list[str], tmp_path: Path) -> None:
@@ -151,3 +152,9 @@ def test_a_number_of_bodies_that_is_none(capsys: pytest.CaptureFixture[str]) -> 
     with pytest.raises(SystemExit):
         PROGRAM.options(["--cloths", "-1"])
     assert "--cloths: it is a number of bodies, 0 or more, got '-1'" in capsys.readouterr().err
+
+
+def test_programs_by_hand_have_no_checkpoints_to_go_on_from(tmp_path: Path) -> None:
+    with pytest.raises(SceneError, match="cloths_on_bunny_by_hand is made by hand and writes no checkpoints"):
+        by_hand.main(["--resume", "--output", str(tmp_path / "nothing")])
+    assert not (tmp_path / "nothing").exists()

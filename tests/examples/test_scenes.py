@@ -11,8 +11,8 @@ import pytest
 from yasps.frontend.commands.command_line import find_examples
 
 SCENES: dict[str, list[str]] = {
-    "caged_bunny": ["--size", "8", "--frames", "13", "--dt", "0.04"],
     "bunnies_in_container": ["--size", "2", "--affine", "1", "--frames", "8"],
+    "caged_bunny": ["--size", "8", "--frames", "13", "--dt", "0.04"],
     "card_house": ["--size", "1", "--frames", "3"],
     "chain": ["--size", "5", "--frames", "45"],
     "cloth_on_sphere": ["--size", "10", "--frames", "100"],
@@ -20,6 +20,7 @@ SCENES: dict[str, list[str]] = {
     "dominoes": ["--size", "3", "--frames", "90"],
     "erleben": ["--frames", "10"],
     "gripper": ["--size", "100", "--frames", "100"],
+    "lever": ["--size", "4", "--frames", "20"],
     "many_bunnies_on_cloth": ["--size", "8", "--frames", "13", "--dt", "0.04", "--bunnies", "2"],
     "masonry_arch": ["--size", "3", "--frames", "12", "--friction", "0"],
     "mat_twist": ["--size", "400", "--frames", "45", "--speed", "50"],

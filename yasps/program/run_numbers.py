@@ -23,7 +23,9 @@ class RunNumbers:
 
     name: str
     version: str
+    command: str
     device: str
+    threads: int | None
     seed: int
     size: float | None
     mesh: str | None
@@ -53,16 +55,24 @@ class RunNumbers:
 
 
 def numbers_of(
-    simulation: Simulation, reports: Sequence[NewtonReport], options: Options, start_up: float, running: float
+    simulation: Simulation,
+    reports: Sequence[NewtonReport],
+    options: Options,
+    *,
+    command: str,
+    start_up: float,
+    running: float,
 ) -> RunNumbers:
-    """Of a run that took these steps. start_up, running: seconds until the first step, and of all frames with their
-    checks and files."""
+    """Of a run that took these steps. command: how to run it again. start_up, running: seconds until the first step,
+    and of all frames with their checks and files."""
     frames = max(len(reports), 1)
     contacts = [report.contacts for report in reports]
     return RunNumbers(
         name=simulation.scene.name,
         version=__version__,
+        command=command,
         device=options.device,
+        threads=simulation.scene.runtime.threads if options.device == "cpu" else None,
         seed=options.seed,
         size=options.size,
         mesh=None if options.mesh is None else options.mesh.name,

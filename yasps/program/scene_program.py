@@ -6,6 +6,7 @@ import argparse
 import sys
 import time
 from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
 from typing import Any, TypedDict, Unpack
 
 import numpy as np
@@ -140,9 +141,19 @@ class SceneProgram:
             begin = time.perf_counter()
             reports = simulation.run(options.frames - first, files, checkpoints)
             running = time.perf_counter() - begin
-        numbers = numbers_of(simulation, reports, options, start_up, running)
+        command = self._command(arguments)
+        numbers = numbers_of(simulation, reports, options, command=command, start_up=start_up, running=running)
         simulation.times.print(title=f"{self.name}, {options.frames} frames")
         return self._end(simulation, options, check, numbers)
+
+    def _command(self, arguments: Sequence[str] | None) -> str:
+        """The command without what does not change the motion."""
+        words = list(sys.argv[1:] if arguments is None else arguments)
+        for flag, count in (("--headless", 1), ("--resume", 1), ("--output", 2), ("--threads", 2)):
+            while flag in words:
+                del words[words.index(flag) : words.index(flag) + count]
+        words = [word for word in words if not word.startswith(("--output=", "--threads="))]
+        return " ".join([f"yasps run {self.name}", *(Path(word).name if "/" in word else word for word in words)])
 
     def _resume(self, simulation: Simulation, checkpoints: Checkpoints, options: Options) -> None:
         """Goes on from the last checkpoint. Raises SceneError if there is none, or if it is beyond the end."""

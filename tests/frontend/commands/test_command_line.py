@@ -60,6 +60,16 @@ def test_examples_are_listed_without_importing_them(examples, capsys):
     )
 
 
+def test_the_picture_of_an_example_is_named(examples, capsys):
+    (examples / "pictures").mkdir()
+    (examples / "pictures" / "falling_box.jpg").touch()
+    assert main(["examples"]) == 0
+    assert capsys.readouterr().out == (
+        "broken_step  Raises what the arguments say.\nfalling_box  A box falls on a plate.\n"
+        f"             {examples / 'pictures' / 'falling_box.jpg'}\n"
+    )
+
+
 def test_an_unknown_example_suggests_a_known_one(examples, capsys):
     assert main(["run", "faling_box"]) == 1
     error = capsys.readouterr().err
