@@ -36,7 +36,8 @@ def test_a_run_leaves_pictures_with_what_stands_still(tmp_path: Path) -> None:
         with FrameRecorder(simulation, tmp_path, name, bounds=bounds, pictures=is_last) as recorder:
             simulation.run(1, recorder)
         if is_last:
-            assert [path.name for path in recorder.written] == ["beside.vtkhdf", "beside.png", "beside.mp4"]
+            assert [path.name for path in recorder.written[:2]] == ["beside.vtkhdf", "beside.png"]
+            assert recorder.written[2].name in ("beside.mp4", "beside.gif")  # without ffmpeg
             assert all(path.stat().st_size > 1000 for path in recorder.written)
         image = imread(make_picture(recorder.file, tmp_path / "small.png", size=(320, 240))).astype(int)
         assert (image[..., 2] - image[..., 0] > 40).sum() > 500  # the cube, light blue
