@@ -38,7 +38,7 @@ def make_picture(
     field: str | None = None,
     forces: bool | None = None,
     view: View | None = None,
-    size: tuple[int, int] = (1280, 960),
+    size: tuple[int, int] = (960, 720),
 ) -> Path:
     """Draws one frame of a results file.
 
