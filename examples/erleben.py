@@ -194,7 +194,7 @@ def check(simulation: Simulation, options: Options) -> str:
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Entry point of `yasps run erleben`."""
-    return PROGRAM.run(arguments, build, check)
+    return PROGRAM.run(arguments, build, check, view_direction=(0.35, -1.0, 0.6))
 
 
 if __name__ == "__main__":

@@ -61,7 +61,7 @@ def build(options: Options) -> Simulation:
                 -side * (0.3 + SQUEEZE) * RADIUS * smooth(time, 0.0, CLOSED),
                 LIFT * smooth(time, RISING, RAISED),
             )
-            return start + np.array([inwards, 0.0, upwards])
+            return np.asarray(start + np.array([inwards, 0.0, upwards]))
 
         fingers.append(
             MovingObstacle(scene, name, TriangleMesh(start.vertices, start.surface_triangles()), motion=motion)
@@ -126,7 +126,7 @@ def check(simulation: Simulation, options: Options) -> str:
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Entry point of `yasps run gripper`."""
-    return PROGRAM.run(arguments, build, check)
+    return PROGRAM.run(arguments, build, check, fields=("velocity", "contact_force"))
 
 
 if __name__ == "__main__":

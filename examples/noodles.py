@@ -113,7 +113,9 @@ def check(simulation: Simulation, options: Options) -> str:
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Entry point of `yasps run noodles`."""
-    return PROGRAM.run(arguments, build, check)
+    return PROGRAM.run(
+        arguments, build, check, view_direction=(0.3, -1.0, 1.2), colors={"noodles": "#f2b134", "bowl": "#5c7fa8"}
+    )
 
 
 if __name__ == "__main__":

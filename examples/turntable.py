@@ -56,7 +56,7 @@ def places(count: int) -> NDArray[np.float64]:
     """Where the blocks stand, [n, 2] in m: each farther out than the one before it, and 137.5 degrees on."""
     distances = np.linspace(NEAREST, FARTHEST, count)
     angles = np.radians(137.5) * np.arange(count)
-    return distances[:, None] * np.column_stack([np.cos(angles), np.sin(angles)])
+    return np.asarray(distances[:, None] * np.column_stack([np.cos(angles), np.sin(angles)]))
 
 
 def build(options: Options) -> Simulation:
@@ -121,7 +121,7 @@ def check(simulation: Simulation, options: Options) -> str:
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Entry point of `yasps run turntable`."""
-    return PROGRAM.run(arguments, build, check)
+    return PROGRAM.run(arguments, build, check, view_direction=(0.35, -1.0, 0.7))
 
 
 if __name__ == "__main__":
