@@ -114,7 +114,7 @@ def check(simulation: Simulation, options: Options) -> str:
     middle = float(np.linalg.norm(x[len(x) // 2, :2]))
     if not (x[:, 2].max() > CENTRE + 0.9 * RADIUS and middle < 0.5 * RADIUS):
         raise CheckFailedError(f"the cloth slipped off the sphere: its middle is {middle:.3f} m from the axis")
-    gradient = cloth.triangle_elements["deformation_gradient"].compute().array.reshape(-1, 3, 2)
+    gradient = cloth.mesh.triangles["deformation_gradient"].compute().array.reshape(-1, 3, 2)
     strain = 0.5 * float(np.linalg.svd(gradient, compute_uv=False).max() ** 2 - 1)
     if not strain < 2 * LIMIT:
         raise CheckFailedError(f"the cloth is strained by {strain:.3f}; threads are taut from {LIMIT} on")

@@ -14,7 +14,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from yasps.bodies import Cloth
+from yasps.bodies import Body, Cloth
 from yasps.meshes import cloth_grid
 from yasps.program import CheckFailedError, Options, SceneProgram
 from yasps.simulation import Simulation
@@ -31,7 +31,7 @@ PROGRAM = SceneProgram("mat_twist", __doc__, frames=200, time_step=0.001, size=2
 PROGRAM.add_argument("--speed", type=float, default=20.0, help="of each end [rad/s] (20)")
 
 
-def ends(mat: Cloth) -> dict[float, NDArray[np.int64]]:
+def ends(mat: Body) -> dict[float, NDArray[np.int64]]:
     """The vertices at either end, by the sign of their turn."""
     along = mat.rest[:, 0]
     return {-1.0: np.flatnonzero(along == along.min()), 1.0: np.flatnonzero(along == along.max())}
@@ -40,7 +40,7 @@ def ends(mat: Cloth) -> dict[float, NDArray[np.int64]]:
 def turned(points: NDArray[np.float64], angle: float) -> NDArray[np.float64]:
     """Points [n, 3] after a turn about the x axis [rad]."""
     cosine, sine = np.cos(angle), np.sin(angle)
-    return points @ np.array([[1.0, 0.0, 0.0], [0.0, cosine, sine], [0.0, -sine, cosine]])
+    return np.asarray(points @ np.array([[1.0, 0.0, 0.0], [0.0, cosine, sine], [0.0, -sine, cosine]]))
 
 
 def build(options: Options) -> Simulation:
