@@ -102,7 +102,7 @@ def turned(simulation: Simulation) -> float:
 
 def check(simulation: Simulation, options: Options) -> str:
     """The cloth lies on the sphere, hardly stretched beyond the limit, and goes along with it if there is friction."""
-    cloth = simulation.moving[0]
+    (cloth,) = (body for body in simulation.moving if isinstance(body, Cloth))
     if simulation.time < BEGINS:
         raise CheckFailedError(
             f"the cloth has come to lie on the sphere at {BEGINS} s; the run ended at {simulation.time:.2f} s"
