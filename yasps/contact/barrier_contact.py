@@ -190,8 +190,8 @@ class BarrierContact(InScene):
 
     @property
     def energies(self) -> list[Attribute]:
-        """The barriers of all kinds, and friction."""
-        barriers = [pairs.primitive["barrier"] for pairs in self.primitives.values()]
+        """The barriers of all kinds, springs of what is looked ahead of (none between steps), and friction."""
+        barriers = [*(pairs.primitive["barrier"] for pairs in self.primitives.values()), self.ahead.energy]
         return barriers if self.friction is None else barriers + self.friction.energies
 
     def _close_pairs(self, positions: FloatArray, candidates: Candidates | None = None) -> ActiveSet:

@@ -78,8 +78,8 @@ class LookAhead:
         weights, normal = self._springs.add_constant("weights", 4, 1), self._springs.add_constant("normal", 3, 1)
         least, stiffness = self._springs.add_constant("least", 1, 1), self._springs.add_constant("stiffness", 1, 1)
         lacking = least - (x.T * weights).dot(normal)
-        push = self._springs.add_attribute("push", computed_attribute=0.5 * stiffness * lacking * lacking)
-        parts.mesh.scene.add_energy(push, projection="none")
+        self.energy = self._springs.add_attribute("push", computed_attribute=0.5 * stiffness * lacking * lacking)
+        parts.mesh.scene.add_energy(self.energy, projection="none")
 
     def constraints(self, start: Floats, end: Floats, candidates: Candidates) -> Constraints:
         """Of all pairs and half-spaces that are in the way from start to end [n, 3]. None is broken at the start."""
