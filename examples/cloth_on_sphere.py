@@ -34,7 +34,7 @@ SLIP_SPEED = 5e-3  # m/s
 HOLDS = 0.3  # from this coefficient of friction on the sphere takes the cloth along
 
 PROGRAM = SceneProgram(
-    "cloth_on_sphere", __doc__, frames=250, time_step=0.01, size=60, size_means="cells along each side of the cloth"
+    "cloth_on_sphere", __doc__, frames=250, time_step=0.01, size=32, size_means="cells along each side of the cloth"
 )
 PROGRAM.add_argument("--friction", type=float, default=0.4, help="coefficient everywhere (default 0.4)")
 PROGRAM.add_argument(
@@ -102,7 +102,7 @@ def turned(simulation: Simulation) -> float:
 
 def check(simulation: Simulation, options: Options) -> str:
     """The cloth lies on the sphere, hardly stretched beyond the limit, and goes along with it if there is friction."""
-    cloth = simulation.moving[0]
+    (cloth,) = (body for body in simulation.moving if isinstance(body, Cloth))
     if simulation.time < BEGINS:
         raise CheckFailedError(
             f"the cloth has come to lie on the sphere at {BEGINS} s; the run ended at {simulation.time:.2f} s"

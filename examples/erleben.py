@@ -13,7 +13,7 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from yasps.bodies import AffineBody, HalfSpace, Obstacle, SoftBody
+from yasps.bodies import AffineBody, Body, HalfSpace, Obstacle, SoftBody
 from yasps.contact import ContactTable
 from yasps.meshes import TetrahedralMesh, TriangleMesh, box, ground
 from yasps.program import CheckFailedError, Options, SceneProgram
@@ -130,7 +130,8 @@ def build(options: Options) -> Simulation:
     names = list(CASES) if options.case == "all" else [options.case]
     scene = PROGRAM.scene(options)
     bodies: list[AffineBody | SoftBody] = []
-    obstacles, velocities = [], {}
+    obstacles: list[Obstacle] = []
+    velocities: dict[Body, tuple[float, float, float]] = {}
     for number, name in enumerate(names):
         shape, around = CASES[name]()
         row, column = divmod(number, IN_A_ROW)

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from yasps.bodies import AffineBody, HalfSpace, MovingObstacle
+from yasps.bodies import AffineBody, Body, HalfSpace, MovingObstacle
 from yasps.contact import ContactTable
 from yasps.meshes import TriangleMesh, box
 from yasps.program import CheckFailedError, Options, SceneProgram
@@ -73,7 +73,9 @@ def build(options: Options) -> Simulation:
         return np.asarray(Rotation.from_rotvec([0.0, 0.0, RATE * time]).apply(table.vertices))
 
     turning = MovingObstacle(scene, "table", table, motion=motion)
-    velocities = {block: RATE * block.rest[:, [1, 0, 2]] * [-1.0, 1.0, 0.0] for block in blocks}
+    velocities: dict[Body, NDArray[np.float64]] = {
+        block: RATE * block.rest[:, [1, 0, 2]] * [-1.0, 1.0, 0.0] for block in blocks
+    }
     return Simulation(
         scene,
         [*blocks, turning, HalfSpace(scene, "ground", height=-BELOW)],

@@ -87,10 +87,10 @@ class Rod(Body):
 
 def _strands(name: str, points: ArrayLike | Sequence[ArrayLike]) -> list[Float64Array]:
     """The points of each rod, [n, 3]. Raises SceneError, DataError, ShapeMismatchError."""
-    several: Any = points
-    given: list[ArrayLike] = list(several) if isinstance(points, list | tuple) or np.ndim(several) == 3 else [several]
+    one: Any = points
+    given = list(one) if isinstance(one, list | tuple) or np.ndim(one) == 3 else [one]
     if given and np.ndim(given[0]) == 1:  # a list of points: one rod
-        given = [several]
+        given = [one]
     if not given:
         raise SceneError(f"{name}: points are those of at least one rod, got none")
     for strand in given:
