@@ -61,6 +61,7 @@ def sheets(size: int, *, friction: float) -> tuple[BarrierContact, CpuScene]:
     if contact.friction is not None:
         for pairs in contact.primitives.values():
             scene.remove_energy(pairs.primitive["barrier"])
+        scene.remove_energy(contact.ahead.energy)
     position.update_value(points + 2 * SLIP_LENGTH * random.uniform(-1, 1, points.shape))
     compiled = on_cpu(scene.compile())
     compiled.update_structure()

@@ -50,11 +50,12 @@ def read_run(file: Path) -> dict[str, Any]:
 def line_of(run: dict[str, Any]) -> str:
     """Its line in the table."""
     kinds = {kind: count for kind, count in run["elements"].items() if kind != "vertex"}
+    first, last = run["first_frame"], run["first_frame"] + run["frames"]
     cells = [
         f"`{run['command']}`",
         f"{run['vertices']:,}",
         ", ".join(f"{count:,} {kind}" for kind, count in kinds.items()),
-        str(run["first_frame"] + run["frames"]),
+        f"{first + 1} to {last}" if first else str(last),
         f"{run['contacts_mean']:,.0f} ({run['contacts_most']:,})",
         f"{run['newton_iterations']:.1f}",
         f"{run['cg_iterations']:,.0f}" if run["cg_iterations"] else "direct",

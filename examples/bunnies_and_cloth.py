@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from yasps.meshes import TetrahedralMesh, rabbit, read_tetrahedral_mesh
-from yasps.output import PALETTE
+from yasps.output import OBSTACLE_GREY, PALETTE
 from yasps.program import CheckFailedError
 
 DIAGONAL = 1.0  # m, of the box around a bunny
@@ -55,7 +55,7 @@ def place_of_bunny(number: int) -> tuple[float, float, float]:
 
 def colors_of(bunnies: int) -> dict[str, str]:
     """Light blue and dark pink in turn, and the cloth."""
-    return {f"bunny_{number}": PALETTE[number % 2] for number in range(bunnies)} | {CLOTH: PALETTE[2]}
+    return {f"bunny_{number}": PALETTE[number % 2] for number in range(bunnies)} | {CLOTH: OBSTACLE_GREY}
 
 
 def cloth_corners(cells: int) -> list[int]:

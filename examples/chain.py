@@ -62,7 +62,8 @@ def link() -> TetrahedralMesh:
         for k in range(1, AROUND + 1):
             # A prism in three; corners in the same order in all prisms, so that common faces are cut alike.
             i, j = sorted((k, k % AROUND + 1))
-            a, b, c, d, e, f = *this[[0, i, j]], *after[[0, i, j]]
+            a, b, c = this[[0, i, j]]
+            d, e, f = after[[0, i, j]]
             tets += [[a, b, c, f], [a, b, e, f], [a, d, e, f]]
     vertices, corners = points.reshape(-1, 3), np.array(tets, np.int32)
     edges = vertices[corners[:, 1:]] - vertices[corners[:, :1]]

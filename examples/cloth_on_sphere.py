@@ -34,7 +34,7 @@ SLIP_SPEED = 5e-3  # m/s
 HOLDS = 0.3  # from this coefficient of friction on the sphere takes the cloth along
 
 PROGRAM = SceneProgram(
-    "cloth_on_sphere", __doc__, frames=250, time_step=0.01, size=60, size_means="cells along each side of the cloth"
+    "cloth_on_sphere", __doc__, frames=250, time_step=0.01, size=32, size_means="cells along each side of the cloth"
 )
 PROGRAM.add_argument("--friction", type=float, default=0.4, help="coefficient everywhere (default 0.4)")
 PROGRAM.add_argument(
@@ -102,7 +102,7 @@ def turned(simulation: Simulation) -> float:
 
 def check(simulation: Simulation, options: Options) -> str:
     """The cloth lies on the sphere, hardly stretched beyond the limit, and goes along with it if there is friction."""
-    cloth = simulation.moving[0]
+    (cloth,) = (body for body in simulation.moving if isinstance(body, Cloth))
     if simulation.time < BEGINS:
         raise CheckFailedError(
             f"the cloth has come to lie on the sphere at {BEGINS} s; the run ended at {simulation.time:.2f} s"
@@ -114,7 +114,7 @@ def check(simulation: Simulation, options: Options) -> str:
     middle = float(np.linalg.norm(x[len(x) // 2, :2]))
     if not (x[:, 2].max() > CENTRE + 0.9 * RADIUS and middle < 0.5 * RADIUS):
         raise CheckFailedError(f"the cloth slipped off the sphere: its middle is {middle:.3f} m from the axis")
-    gradient = cloth.triangle_elements["deformation_gradient"].compute().array.reshape(-1, 3, 2)
+    gradient = cloth.mesh.triangles["deformation_gradient"].compute().array.reshape(-1, 3, 2)
     strain = 0.5 * float(np.linalg.svd(gradient, compute_uv=False).max() ** 2 - 1)
     if not strain < 2 * LIMIT:
         raise CheckFailedError(f"the cloth is strained by {strain:.3f}; threads are taut from {LIMIT} on")
@@ -134,7 +134,9 @@ def check(simulation: Simulation, options: Options) -> str:
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Entry point of `yasps run cloth_on_sphere`."""
-    return PROGRAM.run(arguments, build, check)
+    return PROGRAM.run(
+        arguments, build, check, view_direction=(0.35, -1.0, 0.4), colors={"cloth": "#c2185b", "sphere": "#f2b134"}
+    )
 
 
 if __name__ == "__main__":

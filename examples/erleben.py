@@ -13,7 +13,7 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from yasps.bodies import AffineBody, HalfSpace, Obstacle, SoftBody
+from yasps.bodies import AffineBody, Body, HalfSpace, Obstacle, SoftBody
 from yasps.contact import ContactTable
 from yasps.meshes import TetrahedralMesh, TriangleMesh, box, ground
 from yasps.program import CheckFailedError, Options, SceneProgram
@@ -130,7 +130,8 @@ def build(options: Options) -> Simulation:
     names = list(CASES) if options.case == "all" else [options.case]
     scene = PROGRAM.scene(options)
     bodies: list[AffineBody | SoftBody] = []
-    obstacles, velocities = [], {}
+    obstacles: list[Obstacle] = []
+    velocities: dict[Body, tuple[float, float, float]] = {}
     for number, name in enumerate(names):
         shape, around = CASES[name]()
         row, column = divmod(number, IN_A_ROW)
@@ -194,7 +195,7 @@ def check(simulation: Simulation, options: Options) -> str:
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Entry point of `yasps run erleben`."""
-    return PROGRAM.run(arguments, build, check)
+    return PROGRAM.run(arguments, build, check, view_direction=(0.35, -1.0, 0.6))
 
 
 if __name__ == "__main__":

@@ -22,7 +22,7 @@ from yasps.simulation import Simulation
 RADIUS = 0.04  # m, of the ball
 STIFFNESS = 5e4  # Pa, Young's modulus of the ball
 FINGER = (0.015, 0.05, 0.06)  # m: thickness, width, height
-SQUEEZE = 0.12  # of the ball's radius, by each finger
+OPEN, SQUEEZE = 0.3, 0.12  # of the ball's radius: how far each finger is off at the start, how far it presses in
 LIFT = 0.12  # m
 DISTANCE = 5e-4  # m, of activation
 CLOSED, RISING, RAISED = 0.25, 0.3, 0.8  # s: the fingers have closed, begin to rise, stand still again
@@ -54,14 +54,11 @@ def build(options: Options) -> Simulation:
     block = box(FINGER, (1, 1, 1))
     fingers = []
     for name, side in (("left_finger", -1.0), ("right_finger", 1.0)):
-        start = block.translated((side * (1.3 * RADIUS + 0.5 * FINGER[0]), 0.0, RADIUS))
+        start = block.translated((side * ((1 + OPEN) * RADIUS + 0.5 * FINGER[0]), 0.0, RADIUS))
 
         def motion(time: float, start: NDArray[np.float64] = start.vertices, side: float = side) -> NDArray[np.float64]:
-            inwards, upwards = (
-                -side * (0.3 + SQUEEZE) * RADIUS * smooth(time, 0.0, CLOSED),
-                LIFT * smooth(time, RISING, RAISED),
-            )
-            return start + np.array([inwards, 0.0, upwards])
+            inwards = (OPEN + SQUEEZE) * RADIUS * smooth(time, 0.0, CLOSED)
+            return np.asarray(start + np.array([-side * inwards, 0.0, LIFT * smooth(time, RISING, RAISED)]))
 
         fingers.append(
             MovingObstacle(scene, name, TriangleMesh(start.vertices, start.surface_triangles()), motion=motion)
@@ -126,7 +123,7 @@ def check(simulation: Simulation, options: Options) -> str:
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Entry point of `yasps run gripper`."""
-    return PROGRAM.run(arguments, build, check)
+    return PROGRAM.run(arguments, build, check, fields=("velocity", "contact_force"))
 
 
 if __name__ == "__main__":

@@ -60,8 +60,8 @@ class Mobile(Body):
         tipping = self._add_joint(0.0, 0.0)
         ends = []
         for side in (-1.0, 1.0):
-            rest = (side * ARM * np.cos(DROOP), 0.0, -ARM * np.sin(DROOP))
-            ends.append(self._add_spring(self._add_link(upper, [tipping], rest), links))
+            half = (side * ARM * np.cos(DROOP), 0.0, -ARM * np.sin(DROOP))
+            ends.append(self._add_spring(self._add_link(upper, [tipping], half), links))
         # Vertex 0 is the origin, vertex k + 1 the end of link k; then come the corners of the masses.
         block = box((BLOCK, BLOCK, BLOCK), (1, 1, 1)).translated((0.0, 0.0, -0.5 * BLOCK))
         ways = [[], *self.way_to, *(way for way in ends for _ in block.vertices)]

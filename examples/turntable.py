@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from yasps.bodies import AffineBody, HalfSpace, MovingObstacle
+from yasps.bodies import AffineBody, Body, HalfSpace, MovingObstacle
 from yasps.contact import ContactTable
 from yasps.meshes import TriangleMesh, box
 from yasps.program import CheckFailedError, Options, SceneProgram
@@ -56,7 +56,7 @@ def places(count: int) -> NDArray[np.float64]:
     """Where the blocks stand, [n, 2] in m: each farther out than the one before it, and 137.5 degrees on."""
     distances = np.linspace(NEAREST, FARTHEST, count)
     angles = np.radians(137.5) * np.arange(count)
-    return distances[:, None] * np.column_stack([np.cos(angles), np.sin(angles)])
+    return np.asarray(distances[:, None] * np.column_stack([np.cos(angles), np.sin(angles)]))
 
 
 def build(options: Options) -> Simulation:
@@ -73,7 +73,9 @@ def build(options: Options) -> Simulation:
         return np.asarray(Rotation.from_rotvec([0.0, 0.0, RATE * time]).apply(table.vertices))
 
     turning = MovingObstacle(scene, "table", table, motion=motion)
-    velocities = {block: RATE * block.rest[:, [1, 0, 2]] * [-1.0, 1.0, 0.0] for block in blocks}
+    velocities: dict[Body, NDArray[np.float64]] = {
+        block: RATE * block.rest[:, [1, 0, 2]] * [-1.0, 1.0, 0.0] for block in blocks
+    }
     return Simulation(
         scene,
         [*blocks, turning, HalfSpace(scene, "ground", height=-BELOW)],
@@ -121,7 +123,7 @@ def check(simulation: Simulation, options: Options) -> str:
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Entry point of `yasps run turntable`."""
-    return PROGRAM.run(arguments, build, check)
+    return PROGRAM.run(arguments, build, check, view_direction=(0.35, -1.0, 0.7))
 
 
 if __name__ == "__main__":

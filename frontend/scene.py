@@ -28,6 +28,7 @@ from yasps.frontend.language.entity import Entity
 from yasps.frontend.language.mesh import Mesh
 from yasps.frontend.language.nodes import FloatArray, Stored
 from yasps.frontend.language.paper_names import SceneNames
+from yasps.frontend.language.scene_html import html_of
 from yasps.frontend.language.scene_lock import lock_of, one_thread_at_a_time
 from yasps.frontend.language.scene_numbers import formulas_of, numbers_of, set_numbers
 from yasps.frontend.language.spelling import both_spellings, paper_spelling
@@ -165,6 +166,11 @@ class Scene(SceneNames, Entity):
         """A digest of every energy's formula by its path: of operations, shapes and the names of what it reads, but of
         no numbers that can be set."""
         return formulas_of(self)
+
+    @one_thread_at_a_time
+    def _repr_html_(self) -> str:
+        """In a notebook: meshes, primitives, what they hold with shapes, energies and targets."""
+        return html_of(self)
 
     # -- construction --------------------------------------------------------------------------------------
 

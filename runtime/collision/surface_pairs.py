@@ -51,6 +51,23 @@ class ClosePairs:
 
 
 @dataclass(frozen=True)
+class Meetings:
+    """Pairs that would meet on a straight way.
+
+    vertices: int32 [n, 4]. times: float64 [n], the share of the way after which a pair has a tenth of its gap. gaps,
+    offsets: [n], at its start, and the sum of the radii there. weights: [n, 4], of the vertices where the pieces are
+    closest at that time, negative for the first piece. ways: [n, 3], from the first piece to the second then.
+    """
+
+    vertices: IntArray
+    times: FloatArray
+    gaps: FloatArray
+    offsets: FloatArray
+    weights: FloatArray
+    ways: FloatArray
+
+
+@dataclass(frozen=True)
 class Pieces:
     """What a surface consists of: int32 vertex ids, C-contiguous.
 
@@ -219,6 +236,30 @@ class Surface(Uncopied):
             )
         )
         return step if step >= 0 else None
+
+    def meetings(self, start: FloatArray, end: FloatArray, rest: FloatArray, pairs: SurfacePairs) -> Meetings:
+        """Those of the pairs that do not keep a tenth of their gap on the straight way from start to end."""
+        thick, found = self.thickness, []
+        for vertices, split in ((pairs.edge_edge, 2), (pairs.vertex_triangle, 1)):
+            count = len(vertices)
+            times, gaps, offsets = np.empty(count), np.empty(count), np.empty(count)
+            weights, ways = np.empty((count, 4)), np.empty((count, 3))
+            self._runtime.library.yasps_meetings(
+                start.ctypes.data,
+                end.ctypes.data,
+                rest.ctypes.data,
+                None if thick is None else thick.radii.ctypes.data,
+                None if thick is None else thick.objects.ctypes.data,
+                0.0 if thick is None else thick.reach,
+                vertices.ctypes.data,
+                count,
+                split,
+                self._runtime.thread_count(None) if count >= _FEW else 1,
+                *(one.ctypes.data for one in (times, gaps, offsets, weights, ways)),
+            )
+            meets = times <= 1
+            found.append([one[meets] for one in (vertices, times, gaps, offsets, weights, ways)])
+        return Meetings(*(np.concatenate(both) for both in zip(*found, strict=True)))
 
 
 def _addresses(pairs: SurfacePairs) -> tuple[int, int, int, int]:

@@ -130,6 +130,13 @@ _SIGNATURES: dict[str, tuple[type | None, tuple[type, ...]]] = {
         _double,
         (_pointer, _pointer, _pointer, _pointer, _double, _pointer, _long, _pointer, _long),
     ),
+    "yasps_meetings": (
+        None,
+        (
+            *(_pointer, _pointer, _pointer, _pointer, _pointer, _double, _pointer, _long, _int, _int),
+            *(_pointer, _pointer, _pointer, _pointer, _pointer),
+        ),
+    ),
     "yasps_distance_to_way": (None, (_pointer, _pointer, _pointer, _pointer, _long, _pointer)),
     "yasps_sum": (_double, (_pointer, _long)),
     "yasps_project": (_long, (_pointer, _int, _int, _int)),

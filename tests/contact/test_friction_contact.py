@@ -54,6 +54,7 @@ def keep_friction(contact: BarrierContact, *but: str) -> Scene:
     assert contact.friction is not None
     for pairs in contact.primitives.values():
         scene.remove_energy(pairs.primitive["barrier"])
+    scene.remove_energy(contact.ahead.energy)
     for name in but:
         scene.remove_energy(contact.friction.primitives[name].primitive["potential"])
     return scene

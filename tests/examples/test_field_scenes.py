@@ -64,13 +64,15 @@ def test_the_sphere_speeds_up_evenly() -> None:
     assert np.diff(speeds).min() > -1e-9
 
 
-def test_noodles_are_apart_and_in_the_bowl() -> None:
-    strands = np.stack(noodles.strands(5))
-    assert np.linalg.norm(strands[:, :, :2], axis=2).max() < noodles.BOWL
+@pytest.mark.parametrize("count", [1, 5, 10, 25])
+def test_noodles_are_apart_and_in_the_bowl(count: int) -> None:
+    strands, radius = np.stack(noodles.strands(count)), noodles.bowl_radius(count)
+    lower = strands[strands[:, :, 2] < 0.0]
+    assert np.linalg.norm(lower, axis=1).max() < radius - 2 * noodles.RADIUS
     middles = strands[:, noodles.SEGMENTS // 2, :2]
     apart = np.linalg.norm(middles[:, None] - middles[None], axis=2) + np.eye(len(middles))
     assert apart.min() > 2 * noodles.RADIUS
-    shape = noodles.bowl()
+    shape = noodles.bowl(radius)
     corners = shape.vertices[shape.triangles]
     normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     assert ((normals * corners.mean(axis=1)).sum(axis=1) < 0).all()  # inwards

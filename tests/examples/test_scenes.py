@@ -6,9 +6,11 @@ import importlib
 import json
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from yasps.frontend.commands.command_line import find_examples
+from yasps.output import read_series
 
 SCENES: dict[str, list[str]] = {
     "bunnies_in_container": ["--size", "2", "--affine", "1", "--frames", "8"],
@@ -84,3 +86,25 @@ def test_an_example_without_steps_passes_its_check(name: str) -> None:
 def test_jittered_scenes_pass_it_too(name: str, seed: int, tmp_path: Path) -> None:
     """`Simulation.run` looks for intersections after every frame."""
     assert run(name, [*SCENES[name], "--headless", "--seed", str(seed), "--output", str(tmp_path)]) == 0
+
+
+@pytest.mark.nightly
+@pytest.mark.parametrize("name", SCENES)
+def test_a_scene_goes_on_from_its_checkpoint_to_the_last_bit(name: str, tmp_path: Path) -> None:
+    """With another number of threads, and its check passes."""
+    frames = int(SCENES[name][SCENES[name].index("--frames") + 1])
+    cut, whole = ([*SCENES[name], "--headless", "--output", str(tmp_path / folder)] for folder in ("cut", "whole"))
+    run(name, [*cut, "--frames", str(frames // 2), "--threads", "1"])
+    assert run(name, [*cut, "--resume", "--threads", "2"]) == 0
+    assert run(name, [*whole, "--threads", "2"]) == 0
+    with (
+        np.load(tmp_path / "cut" / f"{name}.checkpoint.npz") as one,
+        np.load(tmp_path / "whole" / f"{name}.checkpoint.npz") as other,
+    ):
+        assert one.files == other.files
+        for array in one.files:
+            np.testing.assert_array_equal(one[array], other[array], err_msg=array)
+    one_series, other_series = (read_series(tmp_path / folder / f"{name}.vtkhdf") for folder in ("cut", "whole"))
+    np.testing.assert_array_equal(one_series.times, other_series.times)
+    for frame in range(frames + 1):
+        np.testing.assert_array_equal(one_series.positions(frame), other_series.positions(frame))

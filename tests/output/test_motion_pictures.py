@@ -10,6 +10,7 @@ import pytest
 from results_files import DT, Floor, Motion, Solid, cube, everything, record, rod, sheet, wall
 
 from yasps.output import (
+    FrameRecorder,
     OutputFileError,
     PictureError,
     PicturesUnavailable,
@@ -89,6 +90,19 @@ def test_bodies_are_where_they_are_in_their_colours(tmp_path: Path, draws: None)
     by_speed = picture(file, field="velocity")
     assert len(pixels(by_speed, 0)) < 20
     assert len(pixels(by_speed, 1)) < len(pixels(last, 1))
+
+
+def test_folds_that_come_later_are_smooth(tmp_path: Path, draws: None) -> None:
+    """A flat sheet that is bent sharply is shaded without an edge, also in a picture of the bent state alone."""
+    motion = Motion(sheet("sheet", (0.0, 0.0, 1.0), cells=2))
+    file = record(motion, tmp_path, 1)
+    motion.time = 1.0
+    fold = motion.bodies[0]
+    fold.x = fold.x + np.outer(-np.abs(fold.x[:, 0]), [0.0, 0.0, 1.0])
+    with FrameRecorder(motion, tmp_path, "motion", pictures=False, resume=True) as recording:
+        recording.record(motion)
+    with motion_pictures.MotionPictures(read_series(file), [1], size=SIZE) as drawn:
+        assert drawn.frames.plotter.meshes[0].n_points == 9
 
 
 def test_forces_are_arrows(tmp_path: Path, draws: None) -> None:

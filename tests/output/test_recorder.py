@@ -10,12 +10,12 @@ import pytest
 from yasps import Scene
 from yasps.bodies import AffineBody, Ground, Obstacle
 from yasps.meshes import TriangleMesh, box
-from yasps.output import FrameRecorder, PicturesUnavailable, require_pictures
+from yasps.output import FrameRecorder, PicturesUnavailable, make_picture, require_pictures
 from yasps.simulation import Simulation
 
 
-def test_obstacles_that_stand_still_are_in_the_pictures(tmp_path: Path) -> None:
-    """Beside the cube, grey; a level one at the height of the ground is the ground itself."""
+def test_a_run_leaves_pictures_with_what_stands_still(tmp_path: Path) -> None:
+    """The wall beside the cube is grey; what is level is the ground itself."""
     try:
         require_pictures()
     except PicturesUnavailable as reason:
@@ -24,6 +24,7 @@ def test_obstacles_that_stand_still_are_in_the_pictures(tmp_path: Path) -> None:
 
     cube = box((1.0, 1.0, 1.0), (1, 1, 1)).translated((0.0, 0.0, 1.0))
     wall = cube.translated((1.5, 0.0, -0.5))
+    bounds = [[-2.0, -1.0, 0.0], [2.5, 1.0, 2.0]]
     grey = {}
     for name in ("alone", "beside"):
         scene = Scene(name, threads=1)
@@ -31,9 +32,14 @@ def test_obstacles_that_stand_still_are_in_the_pictures(tmp_path: Path) -> None:
         if name == "beside":
             bodies.append(Obstacle(scene, "wall", TriangleMesh(wall.vertices, wall.surface_triangles())))
         simulation = Simulation(scene, bodies, contact=False, time_step=1e-3)
-        with FrameRecorder(simulation, tmp_path, name, bounds=[[-2.0, -1.0, 0.0], [2.5, 1.0, 2.0]]) as recorder:
+        is_last = name == "beside"
+        with FrameRecorder(simulation, tmp_path, name, bounds=bounds, pictures=is_last) as recorder:
             simulation.run(1, recorder)
-        image = imread(tmp_path / f"{name}.png").astype(int)
-        assert (image[..., 2] - image[..., 0] > 40).sum() > 5000  # the cube, light blue
+        if is_last:
+            assert [path.name for path in recorder.written[:2]] == ["beside.vtkhdf", "beside.png"]
+            assert recorder.written[2].name in ("beside.mp4", "beside.gif")  # without ffmpeg
+            assert all(path.stat().st_size > 1000 for path in recorder.written)
+        image = imread(make_picture(recorder.file, tmp_path / "small.png", size=(320, 240))).astype(int)
+        assert (image[..., 2] - image[..., 0] > 40).sum() > 500  # the cube, light blue
         grey[name] = ((np.ptp(image, axis=2) < 20) & (image.max(axis=2) < 190)).sum()
-    assert grey["beside"] > grey["alone"] + 5000
+    assert grey["beside"] > grey["alone"] + 500

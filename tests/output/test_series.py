@@ -15,6 +15,7 @@ import numpy as np
 import pytest
 from results_files import CUBE, DT, Motion, cube, everything, record
 
+from yasps import __version__
 from yasps.output import (
     OBSTACLE_GREY,
     PALETTE,
@@ -126,6 +127,16 @@ def test_frames_that_are_cut_off_are_gone_before_they_are_written_over(
         recorder.record(motion)
     assert set(seen) == {3}
     assert len(read_series(file)) == 4
+
+
+def test_a_resumed_run_may_look_different(tmp_path: Path) -> None:
+    motion = everything()
+    record(motion, tmp_path, 3)
+    motion.step()
+    file = record(motion, tmp_path, 2, resume=True, colors={"cube": "#010203"}, camera="follow")
+    series = read_series(file)
+    assert (series.body("cube").color, series.view.camera) == ("#010203", "follow")
+    assert (len(series), series.version) == (5, __version__)
 
 
 def test_resume_without_a_file_begins_one(tmp_path: Path) -> None:
@@ -275,6 +286,12 @@ def told(file: Path, **changes: Any) -> None:
         data["yasps/description"][()] = json.dumps(description)
 
 
+def looks(file: Path, what: str, value: Any) -> None:
+    with h5py.File(file, "r+") as data:
+        look = json.loads(data["yasps/look"].asstr()[()])
+        data["yasps/look"][()] = json.dumps(look | {what: value})
+
+
 def shuffled_times(file: Path) -> None:
     with h5py.File(file, "r+") as data:
         data["VTKHDF/Steps/Values"][:] = [0.0, 2.0, 1.0]
@@ -296,7 +313,9 @@ def too_many_steps(file: Path) -> None:
         (too_many_steps, "9 frames of"),
         (lambda file: told(file, count=7), "vertices that it does not have"),
         (lambda file: told(file, number_of_triangles=10**9), "triangles of body 'cube' are missing"),
-        (lambda file: told(file, color="url(x)"), "colour"),
+        (lambda file: looks(file, "colors", [["url(x)", 1.0]] * 6), "colour"),
+        (lambda file: looks(file, "colors", [["#102030", 1.0]] * 5), "can't be read"),
+        (lambda file: looks(file, "view", {}), "can't be read"),
         (lambda file: file.with_suffix(".x").touch() or h5py.File(file, "w").close(), "is no series that yasps wrote"),
     ],
 )

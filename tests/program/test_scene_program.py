@@ -8,8 +8,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from yasps import SceneError
 from yasps.bodies import AffineBody
 from yasps.meshes import box
+from yasps.output import read_series
 from yasps.program import CheckFailedError, Options, SceneProgram
 from yasps.simulation import Simulation
 
@@ -109,7 +111,7 @@ def test_a_run_says_what_it_does_and_leaves_its_numbers(tmp_path: Path, capsys: 
     assert PROGRAM.run(["--headless", "--threads", "1", "--output", str(tmp_path / "new")], build, check) == 0
     said = capsys.readouterr()
     assert said.out.startswith("all are 0.0235 m lower\n3 frames: ")
-    assert "falling on cpu with 1 threads; compiled code in " in said.err
+    assert "falling on cpu, threads: 1; compiled code in " in said.err
     assert "2 bodies that move, 16 vertices, 12 tetra; 24 unknowns" in said.err
     numbers = json.loads((tmp_path / "new" / "falling.json").read_text(encoding="utf-8"))
     expected = {
@@ -127,6 +129,24 @@ def test_a_run_says_what_it_does_and_leaves_its_numbers(tmp_path: Path, capsys: 
     assert numbers["cg_iterations"] >= numbers["newton_iterations"]
     assert numbers["seconds_a_frame"] > 0
     assert 20 < numbers["memory_mb"] < 20_000
+
+
+def test_a_run_goes_on(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    flags = ["--headless", "--output", str(tmp_path)]
+    with pytest.raises(SceneError, match=r"there is no checkpoint to go on from: .*falling.checkpoint.npz does not"):
+        PROGRAM.run([*flags, "--resume"], build, check)
+    assert PROGRAM.run([*flags, "--frames", "3"], build, check) == 0
+    assert PROGRAM.run([*flags, "--frames", "5", "--resume"], build, check) == 0  # the check knows all five frames
+    said = capsys.readouterr()
+    assert f"goes on after frame 3, from {tmp_path / 'falling.checkpoint.npz'}" in said.err
+    numbers = json.loads((tmp_path / "falling.json").read_text(encoding="utf-8"))
+    assert (numbers["first_frame"], numbers["frames"], numbers["command"]) == (3, 2, "yasps run falling --frames 5")
+    assert len(read_series(tmp_path / "falling.vtkhdf")) == 6
+    with pytest.raises(SceneError, match=r"is of frame 5, but --frames 4 ends before: give more --frames, or leave"):
+        PROGRAM.run([*flags, "--frames", "4", "--resume"], build, check)
+    (tmp_path / "falling.vtkhdf").unlink()  # it can be lost, and begins again
+    assert PROGRAM.run([*flags, "--frames", "6", "--resume"], build, check) == 0
+    assert len(read_series(tmp_path / "falling.vtkhdf")) == 2
 
 
 def test_a_check_that_fails_is_said(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

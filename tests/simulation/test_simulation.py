@@ -113,6 +113,9 @@ def test_bodies_come_and_go_between_steps() -> None:
     stiff_before = stiff.positions()
     simulation.run(2)
     np.testing.assert_array_equal(soft.positions(), low)  # no target any more
+    assert simulation.contact is not None
+    of_contact = {energy.path for energy in simulation.scene.energies if energy.path.startswith("everything")}
+    assert of_contact == {energy.path for energy in simulation.contact.energies}  # none of former contacts
     assert (stiff.positions()[:, 2] < stiff_before[:, 2]).all()
     assert [body.name for body in simulation.bodies] == ["ground", "stiff"]
     with pytest.raises(SceneError, match="'soft' is not in this simulation"):

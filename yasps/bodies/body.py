@@ -8,7 +8,7 @@ from types import MappingProxyType
 import numpy as np
 from numpy.typing import ArrayLike
 
-from yasps import Attribute, DataError, Mesh, Primitive, PrimitiveUnion, Scene, SceneError
+from yasps import Attribute, DataError, Mesh, PrimitiveBase, Scene, SceneError
 from yasps.frontend.language.arrays import positive_number, real_numbers
 from yasps.meshes.tetrahedral_mesh import Float64Array, Int32Array
 
@@ -33,7 +33,7 @@ class Body:
     """
 
     mesh: Mesh
-    vertices: Primitive | PrimitiveUnion
+    vertices: PrimitiveBase
     rest: Float64Array
     triangles: Int32Array
     edges: Int32Array = np.empty((0, 2), np.int32)

@@ -7,7 +7,7 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import ArrayLike
 
-from yasps import DataError, Primitive, Scene
+from yasps import DataError, Scene
 from yasps.bodies.body import Body
 from yasps.contact import Plane
 from yasps.frontend.language.arrays import positive_number, real_numbers
@@ -51,7 +51,6 @@ class MovingObstacle(Obstacle):
     `push`, pull / 2 (progress - aim)^2.
     """
 
-    vertices: Primitive
     meets_itself = False
 
     def __init__(

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from itertools import pairwise
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -86,9 +87,10 @@ class Rod(Body):
 
 def _strands(name: str, points: ArrayLike | Sequence[ArrayLike]) -> list[Float64Array]:
     """The points of each rod, [n, 3]. Raises SceneError, DataError, ShapeMismatchError."""
-    given = list(points) if isinstance(points, list | tuple) or np.ndim(points) == 3 else [points]
+    one: Any = points
+    given = list(one) if isinstance(one, list | tuple) or np.ndim(one) == 3 else [one]
     if given and np.ndim(given[0]) == 1:  # a list of points: one rod
-        given = [points]
+        given = [one]
     if not given:
         raise SceneError(f"{name}: points are those of at least one rod, got none")
     for strand in given:

@@ -11,6 +11,7 @@ from yasps.contact.crushed_pairs import crushed_gradient
 from yasps.contact.distances import squared_line_line, squared_point_line, squared_point_plane, squared_point_point
 from yasps.contact.half_spaces import Plane
 from yasps.contact.kinds import HALF_SPACE, KINDS, Kind
+from yasps.contact.look_ahead import Constraints, LookAhead
 from yasps.contact.pair_primitive import PairPrimitive
 from yasps.contact.separation import Separation, separate
 from yasps.contact.start_findings import Flipped, Overlap, StartState, Touching
@@ -24,6 +25,7 @@ __all__ = [
     "BarrierContact",
     "Candidates",
     "CollisionGeometry",
+    "Constraints",
     "ContactForces",
     "ContactPairs",
     "ContactParts",
@@ -31,6 +33,7 @@ __all__ = [
     "ContactTable",
     "Flipped",
     "Kind",
+    "LookAhead",
     "Overlap",
     "PairPrimitive",
     "Pairs",

@@ -25,6 +25,7 @@ from yasps.contact.contact_table import ContactTable, laws_of
 from yasps.contact.friction import Friction, Lag, checked_slip_length
 from yasps.contact.half_spaces import HalfSpaces, Plane
 from yasps.contact.kinds import HALF_SPACE, KINDS
+from yasps.contact.look_ahead import LookAhead
 from yasps.contact.object_names import ObjectNames
 from yasps.contact.pair_primitive import PairPrimitive
 from yasps.contact.surface_arguments import checked_points, checked_radii
@@ -173,6 +174,7 @@ class BarrierContact(InScene):
             barrier_energy = pairs.primitive.add_attribute("barrier", computed_attribute=energy)
             mesh.scene.add_energy(barrier_energy, projection=projection)
             self.primitives[name] = pairs
+        self.ahead = LookAhead(self.parts, self.geometry, self.half_spaces)
         self.friction: Friction | None = None
         if slip_length is not None:
             self.friction = Friction(
@@ -188,8 +190,8 @@ class BarrierContact(InScene):
 
     @property
     def energies(self) -> list[Attribute]:
-        """The barriers of all kinds, and friction."""
-        barriers = [pairs.primitive["barrier"] for pairs in self.primitives.values()]
+        """The barriers of all kinds, springs of what is looked ahead of (none between steps), and friction."""
+        barriers = [*(pairs.primitive["barrier"] for pairs in self.primitives.values()), self.ahead.energy]
         return barriers if self.friction is None else barriers + self.friction.energies
 
     def _close_pairs(self, positions: FloatArray, candidates: Candidates | None = None) -> ActiveSet:

@@ -35,7 +35,7 @@ from yasps.contact.surface_arguments import (
 from yasps.frontend.language.arrays import positive_number, real_numbers
 from yasps.meshes import TetrahedralMesh
 from yasps.runtime.build.toolchain import find_compiler
-from yasps.runtime.collision.surface_pairs import Pieces, Surface, SurfacePairs, Thickness
+from yasps.runtime.collision.surface_pairs import Meetings, Pieces, Surface, SurfacePairs, Thickness
 from yasps.runtime.core.library import Runtime, load_runtime
 from yasps.runtime.core.uncopied import Uncopied
 
@@ -261,6 +261,11 @@ class CollisionGeometry(Uncopied):
         if not start_is_free:
             self._require_no_crossing(first, "start")
         return self._bound(first, last, candidates.pairs)
+
+    def meetings(self, start: ArrayLike, end: ArrayLike, candidates: Candidates) -> Meetings:
+        """The pairs for which the straight way from `start` to `end` [n, 3] is not free: those that bound a step."""
+        first, last = self._on_way(start, "start", candidates), self._on_way(end, "end", candidates)
+        return self._surface.meetings(first, last, self._rest, candidates.pairs)
 
     def check_way(self, start: ArrayLike, end: ArrayLike, *, only: NDArray[np.bool_] | None = None) -> None:
         """Raise IntersectionError, naming a pair that meets, if surfaces do on the straight way from `start` to `end`

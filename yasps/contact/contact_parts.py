@@ -13,7 +13,7 @@ from yasps.contact.kinds import KINDS
 from yasps.contact.surface_measures import SurfaceMeasures, add_surface_points
 
 OWN_NAMES = (
-    *("reach", "squared_reach", "slip_length", "laws", "planes"),
+    *("reach", "squared_reach", "slip_length", "laws", "planes", "ahead"),
     *("surface_points", "surface_triangles", "surface_edges", "surface_rods"),
     *(f"{kind}{part}" for kind in (*KINDS, "half_space") for part in ("", "_friction")),
 )

@@ -68,6 +68,21 @@ class HalfSpaces:
                 step = min(step, float(((1 - KEPT) * before[bounded] / approach[bounded]).min()))
         return max(step, 0.0)
 
+    def meetings(self, start: Floats, end: Floats) -> tuple[NDArray[np.int32], NDArray[np.int32], Floats]:
+        """The vertices that do not keep a tenth of their gap on the way from start to end [n, 3], the numbers of their
+        planes and their gaps at the start, [m] each."""
+        found = []
+        for plane, ids in enumerate(self._vertices):
+            gaps = self._gaps(start, plane)
+            meets = self._gaps(end, plane) < KEPT * gaps
+            found.append((ids[meets], np.full(int(meets.sum()), plane, np.int32), gaps[meets]))
+        vertices, planes, gaps = (np.concatenate(part) for part in zip(*found, strict=True))
+        return vertices, planes, gaps
+
+    def radii_of(self, vertices: NDArray[np.int32]) -> Floats:
+        """Radii of these vertices [m]."""
+        return np.asarray(self._radii[vertices])
+
     def check_free(self, positions: Floats, name: Callable[[int], str]) -> None:
         """Raises IntersectionError for vertices in or on a half-space; name(vertex) says what a vertex is called."""
         for plane, half_space in enumerate(self.names):

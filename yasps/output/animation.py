@@ -102,7 +102,7 @@ class _KeptImages:
 
     def close(self) -> None:
         first, *others = self._images
-        how: dict[str, Any] = {"optimize": False} if self._path.suffix == ".gif" else {"quality": 75, "method": 4}
+        how: dict[str, Any] = {"optimize": False} if self._path.suffix == ".gif" else {"quality": 90, "method": 4}
         first.save(self._path, save_all=True, append_images=others, duration=self._milliseconds, loop=0, **how)
 
 

@@ -38,7 +38,7 @@ def make_picture(
     field: str | None = None,
     forces: bool | None = None,
     view: View | None = None,
-    size: tuple[int, int] = (1280, 960),
+    size: tuple[int, int] = (960, 720),
 ) -> Path:
     """Draws one frame of a results file.
 
@@ -145,7 +145,7 @@ class MotionPictures:
         self._cameras = cameras(series, chosen, view, aspect, height)
         box = seen_box(series, chosen, view)
         diagonal = float(np.linalg.norm(box[1] - box[0])) or 1.0
-        x = series.positions(chosen[0])
+        x = series.positions(0)  # which tells creases of the shape from folds that come later
         self._tubes: dict[str, Tubes] = {}
         surfaces: list[Surface] = []
         for body in self._drawn:

@@ -235,7 +235,7 @@ class FramePictures:
                 raise PictureError(
                     f"Surface '{surface.name}' has the unknown color '{surface.color}'; give a name or '#rrggbb'."
                 ) from error
-        plotter: Any = pyvista.Plotter(off_screen=not window, window_size=list(size), lighting="none")
+        plotter: Any = pyvista.Plotter(off_screen=not window, notebook=False, window_size=list(size), lighting="none")
         self.plotter = plotter
         plotter.set_background(_BACKGROUND[0], top=_BACKGROUND[1])
         self._meshes: dict[str, Any] = {}

@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from types import TracebackType
-from typing import Final, Self, TextIO
+from typing import Any, Final, Self, TextIO
 
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
@@ -19,10 +19,12 @@ Clock = Callable[[], float]
 # Where stderr is a file: a line for every tenth of the frames, or every five seconds of a long run.
 _SHARE_BETWEEN_LINES: Final = 0.1
 _SECONDS_BETWEEN_LINES: Final = 5.0
+# In a notebook, from one state of the bar to the next.
+_SECONDS_BETWEEN_PICTURES: Final = 0.2
 
 
 class FrameProgress:
-    """Progress over the frames of a run: a live bar on a terminal, a few plain lines elsewhere.
+    """Progress over the frames of a run: a live bar on a terminal and in a notebook, a few plain lines elsewhere.
 
     Args:
         total_frames: how many frames the run has, at least 0.
@@ -51,16 +53,24 @@ class FrameProgress:
         self._last_line_frame = 0
         self._last_line_time = clock()
         self._bar: Progress | None = None
-        if self._stream.isatty():
+        self._shown: Any = None
+        """In a notebook: what the bar is shown by."""
+        in_notebook = stream is None and Console().is_jupyter
+        if in_notebook or self._stream.isatty():
             self._bar = Progress(
                 TextColumn("{task.description}"),
                 BarColumn(),
                 MofNCompleteColumn(),
                 TimeRemainingColumn(),
                 TextColumn("{task.fields[numbers]}"),
-                console=Console(file=self._stream),
+                console=None if in_notebook else Console(file=self._stream),
             )
             self._task = self._bar.add_task(title, total=total_frames, numbers="")
+        if in_notebook:
+            from IPython.display import display
+
+            show: Any = display
+            self._shown = show(self._bar, display_id=True)  # rich's own live bar needs ipywidgets
 
     def update(
         self,
@@ -75,6 +85,10 @@ class FrameProgress:
         numbers = f"{newton_iterations} Newton, {cg_iterations} CG, {contacts} contacts, {milliseconds:.0f} ms"
         if self._bar is not None:
             self._bar.update(self._task, completed=frame, numbers=numbers)
+            is_due = self._clock() - self._last_line_time >= _SECONDS_BETWEEN_PICTURES or frame >= self.total_frames
+            if self._shown is not None and is_due:
+                self._shown.update(self._bar)
+                self._last_line_time = self._clock()
             return
         now = self._clock()
         if (
@@ -87,14 +101,14 @@ class FrameProgress:
             self._last_line_time = now
 
     def __enter__(self) -> Self:
-        if self._bar is not None:
+        if self._bar is not None and self._shown is None:
             self._bar.start()
         return self
 
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        if self._bar is not None:
+        if self._bar is not None and self._shown is None:
             self._bar.stop()
 
 

@@ -184,7 +184,7 @@ def recorded_bodies(bodies: Sequence[Shown], colors: Mapping[str, str] | None = 
     return found
 
 
-_PLAIN: Final = ("name", "kind", "color", "opacity", "stands_still", "is_driven", "first", "count")
+_PLAIN: Final = ("name", "kind", "stands_still", "is_driven", "first", "count")
 _ARRAYS: Final = {"triangles": (3, np.int32), "edges": (2, np.int32), "points": (1, np.int32), "radii": (1, np.float64)}
 """Arrays of all bodies, one body after the other: columns and type."""
 
@@ -205,11 +205,18 @@ def as_datasets(bodies: Sequence[RecordedBody], more: Mapping[str, Any]) -> dict
     return datasets
 
 
-def from_datasets(description: Mapping[str, Any], arrays: Mapping[str, NDArray[Any]]) -> list[RecordedBody]:
+def told_look(bodies: Sequence[RecordedBody], view: Mapping[str, Any]) -> str:
+    """How all of it looks as a text in JSON: colours, opacities, the view."""
+    return json.dumps({"colors": [[body.color, body.opacity] for body in bodies], "view": view})
+
+
+def from_datasets(
+    description: Mapping[str, Any], look: Mapping[str, Any], arrays: Mapping[str, NDArray[Any]]
+) -> list[RecordedBody]:
     """The bodies of a file. Raises KeyError, TypeError or ValueError for what is no description of bodies."""
     found = []
     begin = dict.fromkeys(_ARRAYS, 0)
-    for entry in description["bodies"]:
+    for entry, (color, opacity) in zip(description["bodies"], look["colors"], strict=True):
         parts: dict[str, Any] = {}
         for name, (columns, dtype) in _ARRAYS.items():
             count = int(entry[f"number_of_{name}"])
@@ -226,14 +233,14 @@ def from_datasets(description: Mapping[str, Any], arrays: Mapping[str, NDArray[A
             if len(normal) != 3 or len(point) != 3:
                 raise ValueError(f"the plane of body {entry['name']!r} is none")
             plane = RecordedPlane(normal, point, float(plane["size"]))
-        if not re.fullmatch("#[0-9a-fA-F]{6}", entry["color"]):
+        if not re.fullmatch("#[0-9a-fA-F]{6}", color) or not 0 <= opacity <= 1:
             raise ValueError(f"the colour of body {entry['name']!r} is none")
         found.append(
             RecordedBody(
                 name=str(entry["name"]),
                 kind=str(entry["kind"]),
-                color=str(entry["color"]),
-                opacity=float(entry["opacity"]),
+                color=str(color),
+                opacity=float(opacity),
                 stands_still=bool(entry["stands_still"]),
                 is_driven=bool(entry["is_driven"]),
                 first=int(entry["first"]),

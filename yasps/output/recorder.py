@@ -11,8 +11,9 @@ from typing import Any, Final, Protocol, Self
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from yasps import __version__
 from yasps.output.motion_pictures import make_animation, make_picture
-from yasps.output.recorded_bodies import Floats, Shown, as_datasets, recorded_bodies
+from yasps.output.recorded_bodies import Floats, Shown, as_datasets, recorded_bodies, told_look
 from yasps.output.view import View, checked_view
 from yasps.output.vtkhdf import VtkHdfSeries
 from yasps.output.vtkhdf_layout import OutputFileError
@@ -63,7 +64,7 @@ class FrameRecorder:
         colors: name of a body -> "#rrggbb", or "#rrggbbaa" for glass.
         camera, view_direction, bounds, speed: see `View`; kept in the file for pictures that are made later, too.
         resume: go on in the file that is there, behind its frames up to the present time of the simulation; if there is
-            none, begin one.
+            none, begin one. Colours and the view may be others than before.
 
     Raises:
         OutputFileError: wrong arguments, or a file to resume that is damaged or of another scene.
@@ -107,7 +108,8 @@ class FrameRecorder:
             {kind: np.concatenate(ids) for kind, ids in cells.items()},
             static_point_data={"body": of_points},
             static_cell_data={"body": np.concatenate([part for parts in owners.values() for part in parts])},
-            beside=as_datasets(bodies, {"name": name, "units": _UNITS, "view": view.told()}),
+            beside=as_datasets(bodies, {"name": name, "units": _UNITS}),
+            notes={"look": told_look(bodies, view.told()), "version": __version__},
             resume_at=simulation.time if resume else None,
         )
 

@@ -30,6 +30,7 @@ class Series:
         times: of the frames [s], [frames], growing.
         fields: names of the numbers at each vertex.
         view: how pictures look at it.
+        version: of the yasps that wrote it.
         units: what -> unit, "up" -> the axis that points up.
     """
 
@@ -46,8 +47,10 @@ class Series:
             beside = file[BESIDE]
             description = json.loads(beside["description"].asstr()[()])
             self.name, self.units = str(description["name"]), dict(description["units"])
-            self.bodies = from_datasets(description, beside)
-            self.view: View = view_of(description["view"])
+            look = json.loads(beside["look"].asstr()[()])
+            self.bodies = from_datasets(description, look, beside)
+            self.view: View = view_of(look["view"])
+            self.version = str(beside["version"].asstr()[()])
             self.number_of_points = int(file["VTKHDF/NumberOfPoints"][0])
             data = file["VTKHDF"].get("PointData", {})
             self.fields = tuple(name for name in data if name != "body")

@@ -55,6 +55,7 @@ class VtkHdfSeries:
         static_point_data: name -> [n] or [n, c], the same in all frames.
         static_cell_data: name -> [m] or [m, c] over all cells, the same in all frames, say the number of the body.
         beside: name -> text or numbers, datasets of a group `yasps` beside VTK's own, which other readers leave alone.
+        notes: name -> text in the same group, which a series that is resumed may change.
         single_precision: store floating-point data in 4 bytes instead of 8; arrays of 4 bytes always stay such. Times
             are always stored in 8.
         resume_at: if the file is there, go on in it behind its last frame up to this time. Those after that are
@@ -74,6 +75,7 @@ class VtkHdfSeries:
         static_point_data: Mapping[str, npt.ArrayLike] | None = None,
         static_cell_data: Mapping[str, npt.ArrayLike] | None = None,
         beside: Mapping[str, npt.ArrayLike | str] | None = None,
+        notes: Mapping[str, str] | None = None,
         single_precision: bool = False,
         resume_at: float | None = None,
     ) -> None:
@@ -96,6 +98,7 @@ class VtkHdfSeries:
         self._static_points = self._data("static_point_data", static_point_data, number_of_points)
         self._static_cells = self._data("static_cell_data", static_cell_data, self.number_of_cells)
         self._beside = {name: np.asarray(values) for name, values in (beside or {}).items()}
+        self._notes = dict(notes or {})
         self._frames = 0
         self._frames_in_file = 0
         self._last_time = -np.inf
@@ -189,6 +192,7 @@ class VtkHdfSeries:
             else:
                 with h5py.File(self.path, "r+") as file:
                     self._check_is_ours(file)
+                    self._put_notes(file)
                     if self._frames_in_file > self._frames:
                         # On the disk, before rows of frames that are cut off are written over: a kill may follow.
                         _set_steps(file["VTKHDF/Steps"], self._frames)
@@ -307,6 +311,14 @@ class VtkHdfSeries:
             _growing(steps.require_group(f"{group}Offsets"), name, (1,), np.dtype(np.int64))
         for name, array in self._beside.items():
             file[f"{BESIDE}/{name}"] = array.item() if array.dtype.kind == "U" else array
+        self._put_notes(file)
+
+    def _put_notes(self, file: h5py.File) -> None:
+        """Writes notes that are not there as they are now; that is so at the first frame of a series alone."""
+        for name, text in self._notes.items():
+            if not holds(file, f"{BESIDE}/{name}", np.asarray(text)):
+                file.require_group(BESIDE).pop(name, None)
+                file[f"{BESIDE}/{name}"] = text
 
     def _fixed(self) -> dict[str, Array]:
         """What does not change with the frames, by path in the file."""

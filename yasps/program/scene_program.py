@@ -114,11 +114,14 @@ class SceneProgram:
         `Simulation.run` raise.
         """
         options = self.options(arguments)
-        threads = "" if options.device != "cpu" else f" with {self.scene(options).runtime.threads} threads"
-        _say(f"yasps {__version__}: {self.name} on {options.device}{threads}; compiled code in {cache_folder()}")
+        threads = options.threads or "one a processor"
+        where = f"cpu, threads: {threads}" if options.device == "cpu" else options.device
+        _say(f"yasps {__version__}: {self.name} on {where}; compiled code in {cache_folder()}")
+        checkpoints = Checkpoints(options.output, self.name)
+        if options.resume:
+            checkpoints.files()  # before anything is built
         begin = time.perf_counter()
         simulation = build(options)
-        checkpoints = Checkpoints(options.output, self.name)
         if options.resume:
             self._resume(simulation, checkpoints, options)
         with simulation.times.stage("compile"):

@@ -37,6 +37,13 @@ class Checkpoints:
         self._frame: int | None = None
         self._time, self._took = 0.0, 0.0
 
+    def files(self) -> list[Path]:
+        """Those that are there, the last one first. Raises SceneError if there is none."""
+        files = [file for file in (self.file, self.earlier) if file.exists()]
+        if not files:
+            raise SceneError(f"there is no checkpoint to go on from: {self.file} does not exist")
+        return files
+
     def save(self, simulation: Simulation) -> None:
         """Writes the state, unless it is the one that was written last. Raises SceneError."""
         if simulation.frame == self._frame:
@@ -64,9 +71,7 @@ class Checkpoints:
 
         Raises SceneError if there is none, or for a simulation that was built otherwise, see `Simulation.restore`.
         """
-        files = [file for file in (self.file, self.earlier) if file.exists()]
-        if not files:
-            raise SceneError(f"there is no checkpoint to go on from: {self.file} does not exist")
+        files = self.files()
         for file in files:
             try:
                 simulation.restore(file)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Container, Iterable, Mapping, Sequence
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -11,6 +12,9 @@ from yasps import NameTakenError, Scene, SceneError, UnsupportedSceneError
 from yasps.bodies import Body, MovingObstacle
 from yasps.frontend.language.arrays import real_numbers
 from yasps.meshes.tetrahedral_mesh import Float64Array
+
+AnyBody = TypeVar("AnyBody", bound=Body)
+"""Bodies of one class or of several: tables of bodies may have any of them as keys."""
 
 
 def check_names(scene: Scene, names: Iterable[str]) -> None:
@@ -50,7 +54,9 @@ def checked_bodies(bodies: Iterable[Body], scene: Scene, known: Container[Body])
     return chosen
 
 
-def checked_velocities(velocities: Mapping[Body, ArrayLike] | None, moving: Sequence[Body]) -> dict[Body, Float64Array]:
+def checked_velocities(
+    velocities: Mapping[AnyBody, ArrayLike] | None, moving: Sequence[Body]
+) -> dict[Body, Float64Array]:
     """Velocities of the vertices of bodies [m/s], [n, 3] each. Raises SceneError."""
     if velocities is None:
         return {}

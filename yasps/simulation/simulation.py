@@ -23,11 +23,12 @@ from yasps.meshes.tetrahedral_mesh import Float64Array
 from yasps.output import TimeTable
 from yasps.simulation.applied_forces import AppliedForces, ForceField
 from yasps.simulation.checkpoints import Checkpoints
-from yasps.simulation.checks import check_names, checked_bodies, checked_velocities, vertex_velocities
+from yasps.simulation.checks import AnyBody, check_names, checked_bodies, checked_velocities, vertex_velocities
 from yasps.simulation.contact_of_bodies import ContactOptions, add_contact, stands_still
 from yasps.simulation.driven_bodies import DrivenBodies
 from yasps.simulation.fingerprint import fingerprint_of
 from yasps.simulation.frames import Recorder, run_frames
+from yasps.simulation.notebook import html_of
 from yasps.simulation.state import restore, save, set_state, state_of
 from yasps.stepping import (
     BACKWARD_EULER,
@@ -95,7 +96,7 @@ class Simulation:
         eps_v: float = 1e-3,
         lagging: str = "once",
         integrator: Integrator = BACKWARD_EULER,
-        velocities: Mapping[Body, ArrayLike] | None = None,
+        velocities: Mapping[AnyBody, ArrayLike] | None = None,
         settings: NewtonSettings | None = None,
         rescue: int = 3,
         times: TimeTable | None = None,
@@ -456,6 +457,10 @@ class Simulation:
         forces = None if self.contact is None else self.contact_forces()
         reach = self.activation_distance
         return step_report(self.scene, self.stepper, frame=self.frame, newton=self._last, forces=forces, reach=reach)
+
+    def _repr_html_(self) -> str:
+        """In a notebook: bodies, contact, time, and a picture where the machine can draw."""
+        return html_of(self)
 
     # -- state ---------------------------------------------------------------------------------------------
 

@@ -13,7 +13,7 @@ from typing import Any, Protocol, TypeAlias
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from yasps import Attribute, FloatArray, Primitive, SceneError, ShapeMismatchError
+from yasps import Attribute, FloatArray, Primitive, PrimitiveBase, SceneError, ShapeMismatchError
 from yasps.frontend.language.arrays import plain_array, real_numbers
 from yasps.stepping.anchors import Anchors
 
@@ -161,7 +161,7 @@ class Moved(Protocol):
 
     name: str
     motion: Prescribed | None
-    vertices: Primitive
+    vertices: PrimitiveBase
     course: Primitive
     progress: Attribute
 

@@ -7,7 +7,7 @@ and change them when your scene needs something else. The compiler knows nothing
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -26,6 +26,7 @@ from yasps import (
 from yasps.contact import BarrierContact, Candidates, crushed_gradient
 from yasps.frontend.language.arrays import positive_number
 from yasps.output import TimeTable
+from yasps.stepping.detour import Direction, best_direction, direction_of
 from yasps.stepping.forces import Arms, ForceMeasure, checked_arms
 from yasps.stepping.motion import Motion, positions_of
 from yasps.stepping.settings import NewtonReport, NewtonSettings
@@ -84,11 +85,11 @@ def minimize(
         unknowns = scene.compile().unknowns_of(fixed) if fixed else None
         forces = ForceMeasure(scene.minimize_targets, checked_arms(arms, scene))
         times = times or TimeTable()
-        return _Minimization(scene, measured, time_step, contact, settings, times, forces, unknowns).run()
+        return Minimization(scene, measured, time_step, contact, settings, times, forces, unknowns).run()
 
 
 @dataclass
-class _Minimization:
+class Minimization:
     """One run of `minimize`."""
 
     scene: Scene
@@ -143,16 +144,17 @@ class _Minimization:
                 raise NotConvergedError(
                     f"the energy is {report.energy} at the start of Newton iteration {report.iterations + 1}"
                 )
-            here, (directions, slope) = self.direction(here)
+            here, solution = self.direction(here)
             motion = Motion(self.scene)
-            motion.move(directions, 1.0)
-            there = self.positions()
-            way = there - here
+            direction = direction_of(self, motion, solution)
+            way = direction.end - here
             longest = float(np.sqrt(np.einsum("ij,ij->i", way, way).max(initial=0.0)))
             report.largest_velocity = longest / self.time_step
             self.stands_still = bool(longest <= 4 * np.finfo(np.float64).eps * np.abs(here).max(initial=0.0))
             is_short = settings.velocity_tolerance is None or report.largest_velocity < settings.velocity_tolerance
-            here, report.energy = _LineSearch(self, motion, directions, here, there).run(slope, is_short)
+            if self.contact is not None and not is_short:
+                direction = best_direction(self, motion, solution.gradient, here, direction)
+            here, report.energy = _LineSearch(self, motion, direction, here).run(is_short)
             if self.contact is not None:
                 self.contact.accept(here)
             if is_short and self.forces_hold():
@@ -197,15 +199,14 @@ class _Minimization:
         least, reach = self.contact.active.minimum_distance, self.contact.geometry.activation_distance
         return f" The smallest distance in contact is {least:.3g} m, the activation distance {reach:.3g} m."
 
-    def direction(self, here: FloatArray) -> tuple[FloatArray, tuple[list[FloatArray], float]]:
-        """x of H x = g for every target, and how fast the energy falls along -x at first, g . x; and before these where
-        the vertices are, since crushed pairs are opened first."""
+    def direction(self, here: FloatArray) -> tuple[FloatArray, NewtonSolution]:
+        """x of H x = g; and before it where the vertices are, since crushed pairs are opened first."""
         while True:
             crushed = None if self.contact is None else crushed_gradient(self.contact)
             solution = self.solve()
             opened = None if crushed is None else self.open(solution, crushed, here)
             if opened is None:
-                return here, (self.scene.compile().split(solution.x), solution.slope)
+                return here, solution
             here = opened
 
     def solve(self) -> NewtonSolution:
@@ -239,9 +240,9 @@ class _Minimization:
         self.report.cg_iterations += solved.iterations
         if not solved.converged or not (x * solution.gradient).sum() > OFF_BALANCE * (x * crushed).sum() > 0:
             return None
-        directions, motion = compiled.split(x), Motion(self.scene)
-        motion.move(directions, 1.0)
-        found = _LineSearch(self, motion, directions, here, self.positions()).expand()
+        motion = Motion(self.scene)
+        direction = direction_of(self, motion, replace(solution, x=x))
+        found = _LineSearch(self, motion, direction, here).expand()
         if found is None:
             return None
         here, self.report.energy = found
@@ -253,16 +254,14 @@ class _Minimization:
 class _LineSearch:
     """One step along a Newton direction: free of collisions, and not upwards."""
 
-    newton: _Minimization
+    newton: Minimization
     motion: Motion
-    directions: Sequence[FloatArray]
+    direction: Direction
     before: FloatArray
-    full: FloatArray
-    """Positions after the whole Newton step."""
     candidates: Candidates | None = None
     now: FloatArray = field(default_factory=lambda: np.empty((0, 3)))
 
-    def run(self, slope: float, is_last: bool) -> tuple[FloatArray, float]:
+    def run(self, is_last: bool) -> tuple[FloatArray, float]:
         """Takes the longest step of 1, 1/2, 1/4, ... times the collision-free bound that does not raise the energy; or
         a longer one than 1, see `go_further`. Returns positions and energy after it.
 
@@ -270,8 +269,8 @@ class _LineSearch:
         direction that raises NotConvergedError.
         """
         report, settings = self.newton.report, self.newton.settings
-        start = report.energy
-        step = self.free_step(1.0)
+        start, slope = report.energy, self.direction.slope
+        step = self.first_step()
         while step > settings.shortest_step:
             energy = self.energy_after(step)
             if self.is_lower(start, energy, slope):
@@ -325,7 +324,7 @@ class _LineSearch:
         if not self.is_below_rounding(energy - start):
             return energy <= start + (0.0 if self.newton.settings.asks_for_forces else ROUNDING * abs(start))
         try:
-            there = float((np.concatenate(self.directions) * self.newton.gradient()).sum())
+            there = float((np.concatenate(self.direction.of_targets) * self.newton.gradient()).sum())
         except NotFiniteError:
             return False
         return there >= -STILL_DOWNHILL * slope
@@ -348,16 +347,23 @@ class _LineSearch:
             further = self.energy_after(step)
             if further < energy:
                 return step, further
-        self.motion.move(self.directions, 1.0)
+        self.motion.move(self.direction.of_targets, 1.0)
         self.now = now
         self.newton.find_contacts(now, candidates)
         return 1.0, energy
+
+    def first_step(self) -> float:
+        """The whole step, or as much of it as is free."""
+        if self.direction.bound is None:
+            return self.free_step(1.0)
+        self.candidates = self.direction.candidates
+        return self.direction.bound
 
     def free_step(self, step: float) -> float:
         """The step, or the part of it that is free of collisions on the straight way."""
         if self.newton.contact is None:
             return step
-        return step * self.bound(self.before + step * (self.full - self.before))
+        return step * self.bound(self.before + step * (self.direction.end - self.before))
 
     def bound(self, end: FloatArray) -> float:
         assert self.newton.contact is not None
@@ -367,10 +373,10 @@ class _LineSearch:
 
     def energy_after(self, step: float) -> float:
         """Moves the targets; the energy there, infinite if a collision is on the way."""
-        self.motion.move(self.directions, step)
-        self.now = self.full if step == 1.0 else self.newton.positions()
+        self.motion.move(self.direction.of_targets, step)
+        self.now = self.direction.end if step == 1.0 else self.newton.positions()
         if self.newton.contact is not None:
-            way = self.before + step * (self.full - self.before)
+            way = self.before + step * (self.direction.end - self.before)
             # With a nonlinear parameterisation the vertices are elsewhere than the bound was made for.
             curved = np.abs(self.now - way).max(initial=0.0) > CURVED * np.abs(way).max(initial=0.0)
             if curved and self.bound(self.now) < 1.0:

@@ -74,6 +74,8 @@ class NewtonReport:
     step_lengths: list[float] = field(default_factory=list)
     projected: int = 0
     """Iterations whose Hessian was projected."""
+    detours: int = 0
+    """Linear systems more, for directions around what is in the way of the first ones."""
     direct_solves: int = 0
     """Iterations whose system a direct solver took."""
     residual_force: float = np.nan
@@ -101,6 +103,7 @@ class NewtonReport:
             cg_iterations=self.cg_iterations + other.cg_iterations,
             step_lengths=[*self.step_lengths, *other.step_lengths],
             projected=self.projected + other.projected,
+            detours=self.detours + other.detours,
             direct_solves=self.direct_solves + other.direct_solves,
             lagging_passes=max(self.lagging_passes, other.lagging_passes),
             lag_converged=False if self.lag_converged is False else other.lag_converged,

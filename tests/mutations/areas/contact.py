@@ -15,6 +15,8 @@ POINTS = "tests/contact/test_loose_points.py"
 MOTION = "tests/contact/test_collision_motion.py"
 KEPT = (f"{MOTION}::test_kept_candidates_find_what_ipctk_finds_anew",)
 SAFE = (f"{MOTION}::test_step_bounds_are_ipctks_and_safe", f"{GEOMETRY}::test_step_bound_stops_before_the_ground")
+LOOK = "tests/contact/test_look_ahead.py"
+AHEAD = (f"{LOOK}::test_what_meets_is_what_bounds_a_step",)
 BARRIER = "yasps/contact/barrier.py"
 DISTANCES = "yasps/contact/distances.py"
 WHERE = "yasps/contact/kinds.py"
@@ -413,5 +415,26 @@ MUTATIONS = (
         "return left <= min(",
         "return True or left <= min(",
         (f"{STEPS}::test_forces_say_when_friction_has_settled",),
+    ),
+    Mutation(
+        "closest points of a meeting are those of other corners",
+        "runtime/collision/meetings.cpp",
+        "g[2] = dot(cross(offset, last), normal) / square(normal);",
+        "g[2] = dot(cross(last, offset), normal) / square(normal);",
+        AHEAD,
+    ),
+    Mutation(
+        "what meets by half-spaces is not looked for",
+        "yasps/contact/half_spaces.py",
+        "meets = self._gaps(end, plane) < KEPT * gaps",
+        "meets = self._gaps(end, plane) < -KEPT * gaps",
+        (f"{LOOK}::test_constraints_keep_what_falls_out_of_the_others_and_half_spaces",),
+    ),
+    Mutation(
+        "constraints forget the radii",
+        "yasps/contact/look_ahead.py",
+        "kept = found.offsets[sure] + KEPT",
+        "kept = KEPT",
+        (f"{LOOK}::test_constraints_keep_what_falls_out_of_the_others_and_half_spaces",),
     ),
 )

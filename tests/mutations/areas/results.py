@@ -63,6 +63,13 @@ MUTATIONS = (
         (f"{IN_MOTION}::test_the_camera_sees_the_whole_motion_or_follows",),
     ),
     Mutation(
+        "folds are edges",
+        MOTION,
+        "x = series.positions(0)  # which tells creases",
+        "x = series.positions(chosen[0])  # which tells creases",
+        (f"{IN_MOTION}::test_folds_that_come_later_are_smooth",),
+    ),
+    Mutation(
         "rings end before they close",
         TUBES,
         "while len(ends[vertex]) == 2 and vertex != start:",

@@ -15,6 +15,8 @@ RESCUE = "tests/simulation/test_rescue.py"
 BAD_INPUT = "tests/simulation/test_bad_input.py"
 SIMULATION = "tests/simulation/test_simulation.py"
 CRUSHED = ("tests/stepping/test_crushed_pairs.py::test_crushed_pairs_are_opened",)
+DETOURS = "tests/stepping/test_detour.py"
+DETOUR = "yasps/stepping/detour.py"
 CODE = "yasps/stepping/newton.py"
 INTEGRATORS = "yasps/stepping/integrators.py"
 BDF = "tests/stepping/test_integrators.py"
@@ -366,5 +368,19 @@ MUTATIONS = (
         "self.contact.check_intersection_free(self.contact.positions())",
         "self.contact.geometry.check_intersection_free(self.contact.positions())",
         (f"{SIMULATION}::test_what_is_in_a_half_space_is_seen_after_each_frame",),
+    ),
+    Mutation(
+        "springs stay in the scene",
+        DETOUR,
+        "        newton.contact.ahead.hide()",
+        "        pass",
+        (f"{DETOURS}::test_springs_are_gone_after_a_solve_that_failed",),
+    ),
+    Mutation(
+        "detours are never taken",
+        DETOUR,
+        "        if latest.worth > best.worth:",
+        "        if latest.worth < 0:",
+        (f"{DETOURS}::test_detours_save_iterations_and_end_at_the_same_place",),
     ),
 )

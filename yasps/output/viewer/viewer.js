@@ -315,8 +315,9 @@ function resize() {
 }
 
 function placeCamera() {
-  // The file's camera is fitted to a picture of 4:3; a narrower window looks from farther away.
-  const away = Math.max(1, 4 / 3 / (window.innerWidth / window.innerHeight));
+  // The file's camera is fitted to a picture of 4:3. What is below lies under the slider, and narrower windows see less.
+  const height = window.innerHeight - 120;
+  const away = (window.innerHeight / height) * Math.max(1, 4 / 3 / (window.innerWidth / height));
   controls.target.set(...told.camera.focus);
   camera.position.set(...told.camera.eye).sub(controls.target).multiplyScalar(away).add(controls.target);
   controls.update();
