@@ -80,8 +80,8 @@ class MixedBunny(Body):
         self.ends = self.mesh.add_primitive("ends", num_instances=2)
         self.matrix = self.ends.add_attribute("affine_matrix", rows=3, cols=3, value=[np.eye(3)] * 2)
         translation = self.ends.add_attribute("translation", rows=3, cols=1, value=centers)
-        volumes = np.bincount(end_of, mass[parts["stiff"][order]]) / DENSITY
-        stiffness = self.ends.add_constant("stiffness", 1, 1, value=STIFF_MODULUS * volumes)
+        stiffnesses = STIFF_MODULUS * np.bincount(end_of, mass[parts["stiff"][order]]) / DENSITY
+        stiffness = self.ends.add_constant("stiffness", 1, 1, value=stiffnesses)
         rigid = materials.affine_orthogonality(self.matrix, stiffness)
         self.add_energy(self.ends.add_attribute("orthogonality", computed_attribute=rigid))
         stiff = self.mesh.add_primitive("stiff", num_instances=len(of["stiff"]))

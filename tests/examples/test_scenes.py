@@ -28,6 +28,7 @@ SCENES: dict[str, list[str]] = {
     "mat_twist": ["--size", "400", "--frames", "45", "--speed", "50"],
     "mixed_material_bunny": ["--size", "1500", "--frames", "12"],
     "noodles": ["--size", "1", "--frames", "90"],
+    "repulsive_curve": ["--size", "100", "--frames", "5"],
     "rods_twist": ["--size", "1", "--frames", "70"],
     "turntable": ["--size", "2", "--frames", "25"],
     "two_bunnies": ["--size", "1500", "--frames", "2"],

@@ -14,11 +14,11 @@ from yasps.meshes.tetrahedral_mesh import Float64Array, Int32Array
 
 
 class Body:
-    """A mesh of the scene with a primitive `vertices` and, on it, a 3x1 attribute `position`.
+    """A mesh of the scene with a primitive or UNION `vertices` and, on it, a 3x1 attribute `position`.
 
     Subclasses set:
 
-    - mesh: of the scene, by the body's name. vertices: its primitive, with `position` [m] and `rest_position` [m],
+    - mesh: of the scene, by the body's name. vertices: of it, with `position` [m] and `rest_position` [m],
       and, unless the body is fixed, `mass` [kg].
     - rest: positions at rest, [n, 3].
     - triangles: surface that takes part in contact, [m, 3]; edges: [k, 2], those of rods, in no triangle; points: ids
