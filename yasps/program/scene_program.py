@@ -144,6 +144,8 @@ class SceneProgram:
             begin = time.perf_counter()
             reports = simulation.run(options.frames - first, files, checkpoints)
             running = time.perf_counter() - begin
+            with simulation.times.stage("pictures"):
+                files.close()
         command = self._command(arguments)
         numbers = numbers_of(simulation, reports, options, command=command, start_up=start_up, running=running)
         simulation.times.print(title=f"{self.name}, {options.frames} frames")
