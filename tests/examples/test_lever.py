@@ -28,9 +28,10 @@ def test_springs_at_rest_hang_straight_and_the_lever_droops_on_both_sides() -> N
     assert mobile.mass.value.sum() == pytest.approx(sum(lever.MASSES))
 
 
-def test_a_zigzag_of_one_link_is_refused() -> None:
-    with pytest.raises(SceneError, match="a zigzag has two links or more, got 1"):
-        lever.build(options("--size", "1"))
+@pytest.mark.parametrize("links", ["1", "15"])
+def test_a_zigzag_of_one_link_or_too_many_is_refused(links: str) -> None:
+    with pytest.raises(SceneError, match=f"a zigzag has 2 to 14 links, got {links}"):
+        lever.build(options("--size", links))
 
 
 @pytest.mark.slow
