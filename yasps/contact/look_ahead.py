@@ -75,11 +75,11 @@ class LookAhead:
         self._springs = parts.mesh.add_primitive("ahead", 0, is_dynamic=True)
         corners = self._springs.add_connectivity("vertices", parts.vertices, [], 4)
         x = self._springs.add_attribute("positions", through=corners, source=parts.vertices["position"])
-        weights, normal = self._springs.add_constant("weights", 4, 1), self._springs.add_constant("normal", 3, 1)
+        along = self._springs.add_constant("along", 4, 3)  # weight times normal: kernels keep less at a time
         least, stiffness = self._springs.add_constant("least", 1, 1), self._springs.add_constant("stiffness", 1, 1)
-        lacking = least - (x.T * weights).dot(normal)
+        lacking = least - x.dot(along)
         self.energy = self._springs.add_attribute("push", computed_attribute=0.5 * stiffness * lacking * lacking)
-        parts.mesh.scene.add_energy(self.energy, projection="none")
+        parts.mesh.scene.add_energy(self.energy)
 
     def constraints(self, start: Floats, end: Floats, candidates: Candidates) -> Constraints:
         """Of all pairs and half-spaces that are in the way from start to end [n, 3]. None is broken at the start."""
@@ -105,8 +105,7 @@ class LookAhead:
         """Gives the scene springs for these constraints, all of them pushing or pulling; stiffness [N/m]."""
         self._springs.update(
             vertices=constraints.vertices,
-            weights=constraints.weights,
-            normal=constraints.normals,
+            along=constraints.weights[:, :, None] * constraints.normals[:, None, :],
             least=constraints.least,
             stiffness=np.full(len(constraints), stiffness),
         )
