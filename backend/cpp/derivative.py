@@ -12,17 +12,16 @@ from yasps.backend.codegen.expanding_text import LocalDerivative
 from yasps.backend.codegen.object_text import size_of
 from yasps.backend.codegen.slots import block
 from yasps.backend.cpp.expand import in_lanes
-from yasps.backend.cpp.object import over_packs
+from yasps.backend.cpp.object import BYTES_OF_A_PACK, LARGEST_STACK, over_packs
 from yasps.backend.cpp.scatter import scatter_hessian
 from yasps.dialects.rel import ApplyOp, ProjectOp
+from yasps.runtime.core.sink import LANES
 
 if TYPE_CHECKING:
     from yasps.backend.cpp.object import CppObjectText
 
 MOST_PACKS = 16
 """Packs whose Hessians are projected by one call: failing matrices of all of them are decomposed together."""
-LARGEST_STACK = 1 << 17
-"""Bytes of one kernel's arrays that hold several packs."""
 
 
 def derivative_body(text: CppObjectText, local: LocalDerivative) -> list[str]:
@@ -30,7 +29,7 @@ def derivative_body(text: CppObjectText, local: LocalDerivative) -> list[str]:
     if local.project is not None and not local.curved:
         return _in_batches(text, local, local.project)
     uniforms = text.compute_uniforms("V")
-    declared = [f"V middle[{size}];" for name, size in local.outputs.items() if name == "middle"]
+    declared = text.array("middle", local.outputs["middle"]) if "middle" in local.outputs else []
     lines = [*text.declare("V"), *text.gather_pack(), *_derive(text, local, declared, is_projected=False)]
     scatter: list[str] = []
     if local.curved:
@@ -61,7 +60,8 @@ def _curved_hessian(text: CppObjectText, local: LocalDerivative) -> list[str]:
     """The Hessian of one lane of an energy of nonlinear parameterisations, projected and scattered."""
     lines = [f"double v[{local.n}];", f"for (long e = 0; e < {local.n}; ++e) v[e] = gradient[e][l];"]
     if entries := local.outputs.get("middle", 0):
-        lines.append(f"double triangle[{entries}];")
+        lines += text.array("triangle_of_lane", -(-entries // LANES))
+        lines.append("double* const triangle = (double*)triangle_of_lane;")
         lines.append(f"for (long k = 0; k < {entries}; ++k) triangle[k] = middle[k][l];")
     return lines + text.merged_hessian(local, "triangle" if entries else None, "v")
 
@@ -73,7 +73,7 @@ def _in_batches(text: CppObjectText, local: LocalDerivative, project: ProjectOp)
     names = {**text.names(), project.result: "middle"}
     sizes = {f"r{k}": size for k, size in enumerate(text.read_sizes())}
     kept = {names[v] for v in pull_back.inputs} & sizes.keys() if isinstance(pull_back, ApplyOp) else set()
-    packs = max(1, min(MOST_PACKS, LARGEST_STACK // (64 * (entries + sum(sizes[name] for name in kept)))))
+    packs = max(1, min(MOST_PACKS, LARGEST_STACK // (BYTES_OF_A_PACK * (entries + sum(sizes[name] for name in kept)))))
     of_packs = {"middle": entries}
     call = "project((double*)middle_of"
     if project.deformation is not None:
@@ -85,7 +85,7 @@ def _in_batches(text: CppObjectText, local: LocalDerivative, project: ProjectOp)
     middle = ["V* const middle = middle_of[pack];"]
     scatter: list[str] = []
     if isinstance(pull_back, ApplyOp):
-        scatter = [f"V hessian[{size_of(local.hessian)}];", text.call(pull_back, names, ["hessian"], "V")]
+        scatter = [*text.array("hessian", size_of(local.hessian)), text.call(pull_back, names, ["hessian"], "V")]
     scatter += scatter_hessian(text, local, "hessian" if scatter else "middle")
     uniforms = text.compute_uniforms("V")
     lanes = "const long lanes = stop - first < 8 ? stop - first : 8;"
@@ -102,15 +102,24 @@ def _in_batches(text: CppObjectText, local: LocalDerivative, project: ProjectOp)
         *block(each_pack, [lanes, *derive]),
         "if (!sink.tiles) continue;",
         f"const long changed = sink.{call}, {width}, (int)(stop - start), sink.mode);",
+        "if (changed == YASPS_NO_MEMORY) return changed;",
         "if (changed < 0) return start - changed - 1;",
         "*sink.projected += changed;",
         *block(each_pack, [lanes, *middle, *shared, *scatter]),
     ]
     return [
         *uniforms,
-        *(f"V {name}_of[{packs}][{size}];" for name, size in of_packs.items()),
+        *(line for name, size in of_packs.items() for line in _of_packs(text, name, packs, size)),
         # Where nothing is projected, one pack at a time: what it needs stays in the first-level cache.
         f"const long most = sink.mode == 2 ? 8 : {8 * packs};",
         *block("for (long start = begin; start < end; start += most)", batch),
         "return -1;",
     ]
+
+
+def _of_packs(text: CppObjectText, name: str, packs: int, size: int) -> list[str]:
+    """Declares an array for each of several packs."""
+    if packs * size * BYTES_OF_A_PACK <= LARGEST_STACK:
+        return [f"V {name}_of[{packs}][{size}];"]
+    scratch = text.scratch(f"{name}_of", str(packs * size))
+    return [*scratch, f"V(*const {name}_of)[{size}] = (V(*)[{size}])memory_of_{name}_of.data;"]

@@ -17,6 +17,8 @@ if TYPE_CHECKING:
     from yasps.backend.codegen.expanding_text import LocalDerivative
     from yasps.backend.cpp.object import CppObjectText
 
+NO_MEMORY = "return YASPS_NO_MEMORY;"
+
 
 def expand(
     text: CppObjectText,
@@ -24,11 +26,14 @@ def expand(
     triangle: str,
     use: Callable[[int, int], str],
     is_wanted: Callable[[int, int], bool] = lambda s, t: True,
+    *,
+    or_else: str = NO_MEMORY,
 ) -> list[str]:
     """Statements that expand the upper triangle of H for one instance i and `use` each wanted block of slots s <= t.
 
     What `use(s, t)` gives is a statement: there `block` points to the block's transpose, rows of t's unknowns `across`
-    apart with s's unknowns in columns; `height<s>` and `height` are their numbers.
+    apart with s's unknowns in columns; `height<s>` and `height` are their numbers. or_else: the statement where memory
+    runs out.
     """
     text.begin_with("backend/cpp/preludes/expand.h")
     n = sum(slot.size for slot in slots)
@@ -39,7 +44,8 @@ def expand(
     for s in sorted({s for group in partners.values() for s in group}):
         packs = packs_of(n - entry_at[s])
         lines += [
-            f"V rows{s}[{slots[s].size * packs}], left{s}[{slots[s].rows * packs}];",
+            *text.array(f"rows{s}", slots[s].size * packs, or_else),
+            *text.array(f"left{s}", slots[s].rows * packs, or_else),
             f"copy_rows_of_triangle({triangle}, {n}, {entry_at[s]}, {slots[s].size}, (double*)rows{s}, {8 * packs});",
             *text.pull_slot(slots[s], "", f"rows{s}", str(packs), f"left{s}", into=f"const long height{s} ="),
         ]
@@ -48,7 +54,8 @@ def expand(
             continue
         most = packs_of(sum(slots[s].rows for s in group))
         body = [
-            f"V right[{slots[t].size * most}], both[{slots[t].rows * most}];",
+            *text.array("right", slots[t].size * most, or_else),
+            *text.array("both", slots[t].rows * most, or_else),
             f"const long breadth = ({' + '.join(f'height{s}' for s in group)} + 7) / 8, across = 8 * breadth;",
             f"for (long r = 0; breadth && r < {slots[t].size}; ++r) right[(r + 1) * breadth - 1] = splat(0.0);",
             "long column = 0;",
@@ -93,7 +100,7 @@ def expand_hessian(text: CppObjectText, local: LocalDerivative, packed: str) -> 
     packs = packs_of(entries)
     triangle = f"const double* const triangle = (const double*)(by_lane + l * {packs});"
     return [
-        f"V by_lane[8 * {packs}];",
+        *text.array("by_lane", 8 * packs),
         f"lane_by_lane({packed}, {entries}, by_lane, {packs});",
         *in_lanes(local, [triangle, *expand(text, slots, "triangle", add, is_wanted)]),
     ]

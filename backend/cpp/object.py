@@ -23,7 +23,7 @@ from yasps.backend.codegen.object_text import SELF, ObjectEmitter, c_type, size_
 from yasps.backend.codegen.scalar_function import vector_function, words_used
 from yasps.backend.codegen.scene_view import SceneView, Slot
 from yasps.backend.codegen.slots import block
-from yasps.backend.cpp.expand import expand
+from yasps.backend.cpp.expand import NO_MEMORY, expand
 from yasps.dialects.rel import (
     ApplyOp,
     AttributeOp,
@@ -36,6 +36,10 @@ from yasps.dialects.rel import (
     name_of,
 )
 from yasps.runtime.core.sink import LANES
+
+LARGEST_STACK = 1 << 17
+"""Bytes of an array of packs that lies on the stack: a thread may have as little as 2 MiB, for some dozens of them."""
+BYTES_OF_A_PACK = 8 * LANES
 
 
 class CppEmitter(ObjectEmitter):
@@ -147,6 +151,16 @@ class CppObjectText(ExpandingText):
     def add_to_target(self, local: LocalDerivative, leaf: int, entry: int, size: int) -> str:
         return f"add_gradient(sink.gradient + kappa[{leaf}] - 1, gradient + {entry}, l, {size});"
 
+    def array(self, name: str, count: int, or_else: str = NO_MEMORY) -> list[str]:
+        """Declares so many packs, on the heap where they are many; or_else: the statement where memory runs out."""
+        if count * BYTES_OF_A_PACK <= LARGEST_STACK:
+            return [f"V {name}[{count}];"]
+        return [*self.scratch(name, str(count), or_else), f"V* const {name} = memory_of_{name}.data;"]
+
+    def scratch(self, name: str, count: str, or_else: str = NO_MEMORY) -> list[str]:
+        """Declares `memory_of_` a name, so many packs on the heap."""
+        return [f"const Scratch memory_of_{name}({count});", f"if (!memory_of_{name}.data) {or_else}"]
+
     # -- curvature, for one lane ---------------------------------------------------------------------------
 
     def expand_merged(self, slots: Sequence[Slot], triangle: str) -> list[str]:
@@ -154,11 +168,22 @@ class CppObjectText(ExpandingText):
             rows = f"to, at[{t}], r, at[{s}], height{s}, block + r * across"
             return f"for (long r = 0; r < height; ++r) add_merged_row(packed, step, width, {rows});"
 
-        return expand(self, slots, triangle, add)
+        # The entry `curve` returns nothing: there it shows as an instance that is not finite.
+        nowhere = '{ packed[0] = __builtin_nan(""); return; }'
+        or_else = NO_MEMORY if isinstance(self.definition, DerivativeOp) else nowhere
+        return expand(self, slots, triangle, add, or_else=or_else)
 
     def declare_merged(self, rows: int) -> list[str]:
+        if rows * (rows + 1) // 2 * BYTES_OF_A_PACK <= LARGEST_STACK:
+            declared = [f"V triangle_of_lanes[{rows * (rows + 1) // 2}];"]
+        else:  # mostly many rows are merged
+            declared = [
+                *self.scratch("triangle_of_lanes", "width * (width + 1) / 2"),
+                "V* const triangle_of_lanes = memory_of_triangle_of_lanes.data;",
+            ]
         return [
-            f"V triangle_of_lanes[{rows * (rows + 1) // 2}];  // lanes that nobody reads hold nothing that is slow",
+            *declared,
+            "// Lanes that nobody reads hold nothing that is slow.",
             "for (long k = 0; k < width * (width + 1) / 2; ++k) triangle_of_lanes[k] = splat(0.0);",
             "double* const packed = (double*)triangle_of_lanes;",
             f"const long step = {LANES};",
@@ -168,7 +193,7 @@ class CppObjectText(ExpandingText):
         return "const long changed = sink.project(packed, (int)width, 1, sink.mode);"
 
     def use_of_changed(self) -> list[str]:
-        return ["if (changed < 0) return i;", "*sink.projected += changed;"]
+        return ["if (changed < 0) return changed == YASPS_NO_MEMORY ? changed : i;", "*sink.projected += changed;"]
 
     # -- entries -------------------------------------------------------------------------------------------
 

@@ -41,7 +41,7 @@ def _add_packs(text: CppObjectText, local: LocalDerivative, pairs: list[tuple[in
         given = f"sink, position, {local.pairs}, lanes, {packed}, entry, place, {len(same)}"
         body = [
             f"static const short entry[] = {{{', '.join(map(str, entries))}}};",
-            f"static const short place[] = {{{', '.join(map(str, places))}}};",
+            f"static const {'short' if max(places) < 1 << 15 else 'int'} place[] = {{{', '.join(map(str, places))}}};",
             f"const long* const position = sink.position + first * {local.pairs};",
             f"{function}({given});",
         ]

@@ -17,6 +17,8 @@ from yasps.runtime.device.protocol import Device, DeviceArray, LoadedProgram
 
 MOST_THREADS_WITH_WORKSPACE = 1 << 14
 """Threads of a kernel whose threads need global memory of their own; each then takes several instances."""
+MOST_WORKSPACE = 1 << 29
+"""Doubles of that memory, unless one block of threads needs more: 4 GiB, which small Hessians never need."""
 NONE_BAD = np.uint64(2**64 - 1)
 
 
@@ -88,7 +90,8 @@ class CudaProgram:
         code = self.code.codes[run.symbol]
         threads = run.count
         if code.workspace:
-            threads = min(threads, MOST_THREADS_WITH_WORKSPACE)
+            with_room = max(THREADS, MOST_WORKSPACE // code.workspace // THREADS * THREADS)
+            threads = min(threads, MOST_THREADS_WITH_WORKSPACE, with_room)
             in_blocks = -(-threads // THREADS) * THREADS
             if self._workspace.size < code.workspace * in_blocks:
                 self._workspace.resize(code.workspace * in_blocks)

@@ -17,7 +17,7 @@ from yasps.backend.codegen.object_text import Binding, ObjectEmitter
 from yasps.backend.codegen.program import CompiledModule
 from yasps.backend.codegen.scene_view import SceneView
 from yasps.backend.reference.scene_data import SceneData
-from yasps.frontend.errors import ConnectivityError, NotFiniteError, SceneError
+from yasps.frontend.errors import ConnectivityError, NotFiniteError, SceneError, UnsupportedSceneError
 from yasps.frontend.execution.emit import EnergyTerm
 from yasps.frontend.execution.fixed_unknowns import unknowns_of
 from yasps.frontend.execution.hessian import Hessian
@@ -31,7 +31,7 @@ from yasps.frontend.language.nodes import FloatArray, Joined, Stored, operands_o
 from yasps.frontend.language.primitive import Primitive, PrimitiveBase, PrimitiveUnion
 from yasps.frontend.language.scene_lock import one_thread_at_a_time
 from yasps.runtime.core.library import Projection
-from yasps.runtime.matrix.block_matrix import MOST_SCALARS, BlockGroup
+from yasps.runtime.matrix.block_matrix import MOST_LOCAL_BLOCKS, MOST_SCALARS, BlockGroup
 from yasps.runtime.solvers.options import SolveOptions
 from yasps.runtime.solvers.pcg import SolveReport
 
@@ -81,6 +81,11 @@ class Term:
         """How many instances it has now."""
         return 1 if self.owner is None else self.owner.num_instances
 
+    @property
+    def blocks(self) -> int:
+        """Of all its local Hessians: pairs of places."""
+        return self.count * (self.capacity * (self.capacity + 1) // 2)
+
     def mode_for(self, project: bool) -> Projection:
         """What becomes of negative eigenvalues, if they are to be removed at all."""
         return self.mode if project else Projection.NONE
@@ -124,6 +129,8 @@ class CompiledScene(InScene, ABC):
         self._terms = self._make_terms(request.energies)
         self._owners = set(self.emitter.owners.values())
         self._connected = set(self.emitter.connected.values())
+        for connectivity in self._connected:
+            connectivity.compiled_arity = max(connectivity.compiled_arity, connectivity.arity)
         self._static_reads = _Reads([energy.attribute for energy in request.energies if not energy.dynamic])
         self._bound = False
         self._static_valid = False
@@ -329,11 +336,24 @@ class CompiledScene(InScene, ABC):
         if self._static_valid and self._dynamic_valid:
             return
         if not self._static_valid:
-            self._build_structure(self._placed_terms(dynamic=False), dynamic=False)
+            self._place(dynamic=False)
         if not self._dynamic_valid:
-            self._build_structure(self._placed_terms(dynamic=True), dynamic=True)
+            self._place(dynamic=True)
         self._complete_structure()
         self._static_valid = self._dynamic_valid = True
+
+    def _place(self, *, dynamic: bool) -> None:
+        """Builds the structure of a part. Raises UnsupportedSceneError for more local blocks than there may be."""
+        terms = self._placed_terms(dynamic=dynamic)
+        if sum(term.blocks for term in terms) > MOST_LOCAL_BLOCKS:
+            worst = max(terms, key=lambda term: term.blocks)
+            raise UnsupportedSceneError(
+                f"{worst.symbol} (made at {worst.where.file}:{worst.where.line}) has {worst.blocks} local blocks: each"
+                f" of its {worst.count} instances depends on up to {worst.capacity} places of unknowns, and has a block"
+                f" for every two of them; all energies together may have {MOST_LOCAL_BLOCKS}, which are numbered with"
+                " 32 bits; connect each instance to fewer others, or make fewer instances"
+            )
+        self._build_structure(terms, dynamic=dynamic)
 
     def _complete_structure(self) -> None:
         """What depends on both parts, after one of them was built."""

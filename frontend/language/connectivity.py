@@ -45,6 +45,8 @@ class Connectivity(ConnectivityNames, InScene):
         self.needs_neighbours = False
         """Is some mean taken through it? Then no instance may be connected to nothing."""
         self.arity = arity if arity is not None else 1
+        self.compiled_arity = 1
+        """The longest row that code was compiled for; rows of a variable arity never get shorter than that."""
         self._fits: tuple[IntArray, int] | None = None  # indices and the number of target instances they fit
         self._indices: IntArray | DeviceIndices
         if counts is not None:
@@ -116,7 +118,7 @@ class Connectivity(ConnectivityNames, InScene):
     def _replace(self, checked: IntArray | DeviceIndices) -> None:
         if self.is_variable:
             assert isinstance(checked, np.ndarray)
-            self.arity = max(self.arity, checked.shape[1])  # rows never get shorter: compiled code knows their length
+            self.arity = max(self.compiled_arity, checked.shape[1])
             checked = _filled_up(checked, self.arity)
         self._indices = checked
         if self.source.follows_data:

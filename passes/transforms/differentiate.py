@@ -39,6 +39,7 @@ from yasps.dialects.rel import (
     symbol,
 )
 from yasps.passes.analysis.dependence import Dependence, DependenceMap, size_of
+from yasps.passes.analysis.local_width import LocalWidth
 from yasps.passes.analysis.names import value_name
 from yasps.passes.analysis.reach import Reach
 from yasps.passes.bodies import BodyBuilder, containers, inline_body, is_union, source_of
@@ -65,6 +66,7 @@ class _Differentiation:
         self.attributes = {op.symbol: op for op in block.ops if isinstance(op, AttributeOp)}
         self.energies = [op for op in block.ops if isinstance(op, EnergyOp)]
         self.reach = Reach(block)
+        self.width = LocalWidth(block, self.reach)
         self._jacobians: dict[str, JacobianOp] = {}
         self._curvatures: dict[str, CurvatureOp] = {}
 
@@ -93,12 +95,14 @@ class _Differentiation:
         b, value, inputs = self.copy_body(attribute)
         if not inputs:
             return None  # constant with respect to every target: no gradient, no Hessian
+        self.width.check_expanded(inputs, curved=False)
         dependence = DependenceMap(b.body, inputs)
         one = b.number(1.0)
         hessian: SSAValue | None = None
         cut: list[SSAValue] = []
         checked = value
         if dependence[value] is Dependence.NONLINEAR:
+            self.width.check_inputs(inputs)
             hessian, cut = self.hessian(b, dependence, value, one, inputs)
         else:
             checked = _constant_part(b, dependence, value, inputs)
@@ -112,6 +116,7 @@ class _Differentiation:
         derivative = DerivativeOp(f"{attribute.symbol}.derivative", energy, attribute.owner, b.body)
         derivative.location = attribute.location
         if any(self.is_curved_read(read.owner) for read in inputs):
+            self.width.check_expanded(inputs, curved=True)
             derivative.curved = UnitAttr()
         return derivative
 
@@ -197,6 +202,7 @@ class _Differentiation:
         """Hessian of <v, h(w)> for a nonlinear attribute h: the adjoint form of eq. 3's second term."""
         rows, cols = attribute.matrix_type.get_shape()
         b, value, inputs = self.copy_body(attribute, Block(arg_types=[matrix_type((rows * cols, 1))]))
+        self.width.check_inputs(inputs)
         cotangent = b.reshape(named(b.body.args[0], "cotangent"), (rows, cols))
         gradients = pull_back(b, DependenceMap(b.body, inputs), {value: cotangent}, inputs)
         hessian = jacobian(b, [gradients.get(v, b.zeros(shape_of(v))) for v in inputs], inputs)

@@ -148,7 +148,7 @@ void run_task(const AssemblyWorkspace& w, const Task& task, const Destination& t
         sink.next_private = next_private;
         sink.private_size = w.private_size;
     }
-    for (long c = piece_index; c < cut.chunks && *first_bad < 0; c += cut.pieces) {
+    for (long c = piece_index; c < cut.chunks && *first_bad == -1; c += cut.pieces) {
         const Range range = chunk_of(task.instances, c, cut.chunks);
         if (range.begin < range.end) *first_bad = task.kernel(task.args, range.begin, range.end, &sink);
     }
@@ -349,6 +349,7 @@ int yasps_assemble(yasps::AssemblyWorkspace* w, yasps::Task* tasks, long task_co
         tasks[k].projected = 0;
         for (long p = 0; p < pieces; ++p) {
             const long bad = w->first_bad[p * task_count + k];
+            if (bad == YASPS_NO_MEMORY) return yasps::kOutOfMemory;
             if (bad >= 0 && (tasks[k].first_bad < 0 || bad < tasks[k].first_bad)) tasks[k].first_bad = bad;
             tasks[k].projected += w->projected[p * task_count + k];
         }

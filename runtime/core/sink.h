@@ -17,6 +17,8 @@ enum {
     kYaspsTwice = 2,   // two slots of one instance are the same unknowns: the block is added, and its transpose
     kYaspsFlagBits = 2
 };
+// What a projection and a kernel of derivatives of the processor return where memory ran out.
+#define YASPS_NO_MEMORY (-0x7fffffffffffffffL - 1)
 
 // Where a kernel's results go: `mode` of projection is 0 = clamp, 1 = abs, 2 = leave.
 #if defined(__device__) || defined(__CUDACC__)

@@ -22,6 +22,8 @@ _BAD_SLOT = 2
 _TOO_MANY_BLOCKS = 3
 # Padded vectors are indexed with 32-bit integers; padding makes a vector at most four times as long.
 MOST_SCALARS = 2**29 - 1
+# Local blocks of all energies of a matrix are numbered with 32 bits.
+MOST_LOCAL_BLOCKS = 2**32 - 2
 # Fewer instances than this, such as contacts, are sorted before a second thread has woken up.
 _FEW = 2048
 # The product reads whole vectors and so up to three doubles past the last block.

@@ -44,7 +44,7 @@ extern "C" {
 // mode: 0 = negative eigenvalues become 0, 1 = their absolute value, 2 = nothing is changed. A matrix that is
 // semidefinite up to rounding keeps every bit.
 // Returns the number of matrices changed; -(1 + lane) for a matrix with an entry that is not finite (or whose
-// eigenvalues cannot be found), when others before it may have been projected; INT64_MIN when memory for a wide
+// eigenvalues cannot be found), when others before it may have been projected; YASPS_NO_MEMORY when memory for a wide
 // matrix runs out.
 long yasps_project(double* packed, int width, int lanes, int mode) {
     using namespace yasps;
@@ -56,7 +56,7 @@ long yasps_project(double* packed, int width, int lanes, int mode) {
         return project(packs, static_cast<Mode>(mode), static_cast<double*>(memory));
     }
     Buffer<double> buffer;
-    if (!buffer.reserve(size)) return INT64_MIN;
+    if (!buffer.reserve(size)) return YASPS_NO_MEMORY;
     return project(packs, static_cast<Mode>(mode), buffer.data);
 }
 }

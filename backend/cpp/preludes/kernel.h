@@ -23,6 +23,18 @@ static inline long copy_rows(long rows, const V* b, long n, V* out) {
     return rows;
 }
 
+// What is too large for a thread's stack. `data` is null where memory ran out.
+struct Scratch {
+    void* const allocated;
+    V* const data;
+    explicit Scratch(long count)
+        : allocated(__builtin_malloc((unsigned long)(count + 1) * sizeof(V))),
+          data(allocated ? (V*)(((unsigned long)allocated / sizeof(V) + 1) * sizeof(V)) : nullptr) {}
+    Scratch(const Scratch&) = delete;
+    Scratch& operator=(const Scratch&) = delete;
+    ~Scratch() { __builtin_free(allocated); }
+};
+
 static inline V splat(double x) { return V{x, x, x, x, x, x, x, x}; }
 
 // The same value, but one the compiler knows nothing about. Where the second operand of an interleaving shuffle is a

@@ -16,8 +16,9 @@ static inline V turned_if(long turn, V a) {
 // block p, and position[l * stride + place[p]] where the block of instance l goes. One instance after the other,
 // because neighbours often share a block, and adding twice in a row to one place waits for the first addition to be
 // stored.
+template <class Place>
 static void add_packs_3x3(const yasps_sink& sink, const long* position, long stride, long lanes, const V* h,
-                          const short* at, const short* place, long pairs) {
+                          const short* at, const Place* place, long pairs) {
     V block[8 * MOST_PAIRS], corner[MOST_PAIRS];
     for (long begin = 0; begin < pairs; begin += MOST_PAIRS, at += 9 * MOST_PAIRS, place += MOST_PAIRS) {
         const long count = pairs - begin < MOST_PAIRS ? pairs - begin : MOST_PAIRS;
@@ -48,9 +49,9 @@ static void add_packs_3x3(const yasps_sink& sink, const long* position, long str
     }
 }
 // The same for blocks of any shape.
-template <long rows, long cols>
+template <long rows, long cols, class Place>
 static void add_packs(const yasps_sink& sink, const long* position, long stride, long lanes, const V* h,
-                      const short* at, const short* place, long pairs) {
+                      const short* at, const Place* place, long pairs) {
     constexpr long size = rows * cols, vectors = (size + 7) / 8;
     V block[8 * vectors];
     for (long p = 0; p < pairs; ++p, at += size) {

@@ -20,6 +20,7 @@ from yasps import NotFiniteError, Scene
 from yasps.backend.cuda import program as cuda_program
 from yasps.backend.reference.interpreter import Interpreter
 from yasps.frontend.execution.cuda_scene import CudaScene
+from yasps.runtime.core.sink import THREADS
 
 Array = NDArray[np.float64]
 TOLERANCE = 1e-12
@@ -210,15 +211,19 @@ def test_pairs_that_come_and_go(deterministic: bool) -> None:
     assert used <= grown == device.used, "memory is kept when there are fewer pairs"
 
 
-@pytest.mark.parametrize("deterministic", [False, True])
+@pytest.mark.parametrize(("deterministic", "limit"), [(False, "THREADS_WITH_WORKSPACE"), (True, "WORKSPACE")])
 def test_threads_with_a_workspace_take_several_instances(
-    device: HostDevice, deterministic: bool, monkeypatch: pytest.MonkeyPatch
+    device: HostDevice, deterministic: bool, limit: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """There are only so many, because each has global memory of its own."""
-    monkeypatch.setattr(cuda_program, "MOST_THREADS_WITH_WORKSPACE", 100)
+    monkeypatch.setattr(cuda_program, f"MOST_{limit}", 100)
     scene = on_device(contact(free, lever, pairs=1000), device, deterministic=deterministic)
     assert any(code.workspace for code in scene.compile().code.codes.values())
     assert_same_derivatives(scene, contact(free, lever, pairs=1000))
+    compiled = scene.compile()
+    assert isinstance(compiled, CudaScene)
+    most = max(code.workspace for code in compiled.code.codes.values())
+    assert compiled.program._workspace.size == most * THREADS
 
 
 def test_rows_of_variable_arity_that_grow(device: HostDevice) -> None:

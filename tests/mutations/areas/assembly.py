@@ -107,8 +107,8 @@ MUTATIONS = (
     Mutation(
         "a piece does its first chunk only",
         CODE,
-        "c < cut.chunks && *first_bad < 0; c += cut.pieces)",
-        "c < cut.pieces && *first_bad < 0; c += cut.pieces)",
+        "c < cut.chunks && *first_bad == -1; c += cut.pieces)",
+        "c < cut.pieces && *first_bad == -1; c += cut.pieces)",
         DENSE,
     ),
     Mutation(

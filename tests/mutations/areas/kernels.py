@@ -28,6 +28,13 @@ MUTATIONS = (
         SCENES,
     ),
     Mutation(
+        "kernels: large arrays lie on the stack",
+        "backend/cpp/object.py",
+        "if count * BYTES_OF_A_PACK <= LARGEST_STACK:",
+        "if count >= 0:",
+        ("tests/frontend/execution/test_wide_hessians.py::test_a_wide_hessian_needs_no_deep_stack",),
+    ),
+    Mutation(
         "kernels: transpose flag ignored in add_block",
         "backend/cpp/preludes/kernel.h",
         "} else if (position & kYaspsTurned) {",

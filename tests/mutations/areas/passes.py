@@ -13,6 +13,7 @@ ISOTROPY = (
 )
 CHAINS = ("tests/passes/calculus/test_scalar_chains.py",)
 DERIVATIVES = ("tests/passes/transforms/test_differentiate.py",)
+WIDE = "tests/frontend/execution/test_wide_hessians.py"
 
 MUTATIONS = (
     Mutation(
@@ -112,6 +113,20 @@ MUTATIONS = (
         "{value: cotangent}, inputs)\n        hessian = jacobian(",
         "{value: b.neg(cotangent)}, inputs)\n        hessian = jacobian(",
         DERIVATIVES,
+    ),
+    Mutation(
+        "widths: a JOIN counts as one instance",
+        "passes/analysis/local_width.py",
+        "return _Width(times * behind.unknowns,",
+        "return _Width(behind.unknowns,",
+        (f"{WIDE}::test_a_sum_over_too_many_unknowns_is_refused",),
+    ),
+    Mutation(
+        "widths: what is projected as a whole may be as wide as what is not",
+        "passes/analysis/local_width.py",
+        "most = WIDEST_CURVED if curved else WIDEST_EXPANDED",
+        "most = WIDEST_EXPANDED",
+        (f"{WIDE}::test_curvature_of_too_many_unknowns_is_refused",),
     ),
     Mutation(
         "inline-references: members of a UNION are dropped as if nobody needed them",

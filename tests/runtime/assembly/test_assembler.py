@@ -29,6 +29,7 @@ extern "C" long energy(const void* const* args, long begin, long end, const yasp
     for (long i = begin; i < end; ++i) {
         const int* kappa = sink->kappa + i * c;
         double s = scale[i];
+        if (s == 1e300) return YASPS_NO_MEMORY;
         if (!(s - s == 0)) return i;
         double f = 0;
         for (long a = 0; a < c; ++a) {
@@ -338,6 +339,21 @@ def test_new_places_for_the_same_indices_are_noticed(runtime: Runtime, kernels: 
             one.assemble([call], [matrix], np.empty(3 * n), matrix.block_size_at, threads)
             values.append(matrix.values.copy())
         np.testing.assert_allclose(values[1], values[0], rtol=1e-12, atol=1e-12)
+
+
+@pytest.mark.parametrize("threads", [1, 2, 3])
+def test_a_kernel_without_memory_is_no_bad_instance(
+    runtime: Runtime, kernels: Kernels, scene: Any, threads: int
+) -> None:
+    problem = Problem(runtime, kernels, scene)
+    problem.scales[0][11] = 1e300
+    assembler, sizes = Assembler(runtime), problem.parts[0].block_size_at
+    with pytest.raises(MemoryError):
+        assembler.assemble(problem.calls(), problem.parts, np.empty(scene.size), sizes, threads)
+    problem.scales[0][11] = 1.0
+    gradient = np.empty(scene.size)
+    assembler.assemble(problem.calls(), problem.parts, gradient, sizes, threads)
+    np.testing.assert_allclose(gradient, problem.expected(Projection.CLAMP)[0], rtol=1e-11, atol=1e-9)
 
 
 @pytest.mark.parametrize("threads", [1, 2, 3])
