@@ -84,7 +84,7 @@ def check(simulation: Simulation, options: Options) -> str:
     gaps = simulation.contact_forces().normal.gap
     if abs(turn) >= MEETS_ITSELF and not len(gaps):
         raise CheckFailedError(f"the mat does not meet itself after a turn of {turn:.2f} rad")
-    met = f"{len(gaps)} pairs touch, {1e3 * gaps.min():.3f} mm apart or more" if len(gaps) else "it has not met itself"
+    met = f"{len(gaps)} pairs touch, {1e3 * gaps.min():.2g} mm apart or more" if len(gaps) else "it has not met itself"
     return f"after {simulation.time:.3f} s one end has turned by {turn:.2f} rad against the other: {met}"
 
 

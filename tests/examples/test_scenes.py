@@ -31,7 +31,7 @@ SCENES: dict[str, list[str]] = {
     "repulsive_curve": ["--size", "100", "--frames", "5"],
     "rods_twist": ["--size", "1", "--frames", "70"],
     "turntable": ["--size", "2", "--frames", "25"],
-    "two_bunnies": ["--size", "1500", "--frames", "2"],
+    "two_bunnies": ["--size", "1500", "--frames", "2", "--friction", "0"],
 }
 """Name -> flags of a run of a few seconds that passes its check."""
 

@@ -101,7 +101,17 @@ def test_derivatives_of_the_whole_scene_against_complex_step(shape: TetrahedralM
 def test_runs_from_a_mesh_file_and_writes_a_series(shape: TetrahedralMesh, tmp_path: Path) -> None:
     path = tmp_path / "rabbit.vtu"
     write_mesh(path, shape)
-    arguments = ["--frames", "2", "--mesh", str(path), "--headless", "--output", str(tmp_path / "out")]
+    arguments = [
+        "--frames",
+        "2",
+        "--mesh",
+        str(path),
+        "--headless",
+        "--friction",
+        "0",
+        "--output",
+        str(tmp_path / "out"),
+    ]
     assert example.main(arguments) == 0
     with h5py.File(tmp_path / "out" / "two_bunnies.vtkhdf") as file:
         assert file["VTKHDF/Steps"].attrs["NSteps"] == 3
