@@ -72,11 +72,13 @@ extern "C" long yasps<m.springs.stretch.derivative>_derive(Arguments a, long beg
                 const long* const position = sink.position + i * 3;
                 double v[4];
                 for (long e = 0; e < 4; ++e) v[e] = gradient[e][l];
-                double triangle[10];
+                V triangle_of_lane[2];
+                double* const triangle = (double*)triangle_of_lane;
                 for (long k = 0; k < 10; ++k) triangle[k] = middle[k][l];
                 int leaf[2], start[3], to[2];
                 const long leaves = merge_leaves(sink, kappa, 2, leaf, start, to), width = start[leaves];
-                V triangle_of_lanes[3];  // lanes that nobody reads hold nothing that is slow
+                V triangle_of_lanes[3];
+                // Lanes that nobody reads hold nothing that is slow.
                 for (long k = 0; k < width * (width + 1) / 2; ++k) triangle_of_lanes[k] = splat(0.0);
                 double* const packed = (double*)triangle_of_lanes;
                 const long step = 8;
@@ -85,14 +87,17 @@ extern "C" long yasps<m.springs.stretch.derivative>_derive(Arguments a, long beg
                 for (long k = 0; k < 2; ++k) {
                     at[1 + k] = at[k] + yasps<m.tips.x.jacobian>_pull(p2, (long)p0[i * 2 + k], (const V*)0, 0, (V*)0);
                 }
-                V rows0[2], left0[1];
+                V rows0[2];
+                V left0[1];
                 copy_rows_of_triangle(triangle, 4, 0, 2, (double*)rows0, 8);
                 const long height0 = yasps<m.tips.x.jacobian>_pull(p2, (long)p0[i * 2 + 0], rows0, 1, left0);
-                V rows1[2], left1[1];
+                V rows1[2];
+                V left1[1];
                 copy_rows_of_triangle(triangle, 4, 2, 2, (double*)rows1, 8);
                 const long height1 = yasps<m.tips.x.jacobian>_pull(p2, (long)p0[i * 2 + 1], rows1, 1, left1);
                 {
-                    V right[2], both[1];
+                    V right[2];
+                    V both[1];
                     const long breadth = (height0 + 7) / 8, across = 8 * breadth;
                     for (long r = 0; breadth && r < 2; ++r) right[(r + 1) * breadth - 1] = splat(0.0);
                     long column = 0;
@@ -105,7 +110,8 @@ extern "C" long yasps<m.springs.stretch.derivative>_derive(Arguments a, long beg
                     (void)column, (void)block, (void)height;
                 }
                 {
-                    V right[2], both[1];
+                    V right[2];
+                    V both[1];
                     const long breadth = (height0 + height1 + 7) / 8, across = 8 * breadth;
                     for (long r = 0; breadth && r < 2; ++r) right[(r + 1) * breadth - 1] = splat(0.0);
                     long column = 0;
@@ -125,7 +131,7 @@ extern "C" long yasps<m.springs.stretch.derivative>_derive(Arguments a, long beg
                     yasps<m.tips.x.jacobian>_curve(p2, (long)p0[i * 2 + k], v + k * 2, packed, step, width, to + at[k]);
                 }
                 const long changed = sink.project(packed, (int)width, 1, sink.mode);
-                if (changed < 0) return i;
+                if (changed < 0) return changed == YASPS_NO_MEMORY ? changed : i;
                 *sink.projected += changed;
                 scatter_merged(sink, position, 2, leaves, leaf, start, packed, step);
                 (void)i;

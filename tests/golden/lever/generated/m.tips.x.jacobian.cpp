@@ -90,11 +90,13 @@ extern "C" void yasps<m.tips.x.jacobian>_curve(Arguments a, long i, const double
     at[1] = at[0] + copy_rows(1, (const V*)0, 0, (V*)0);
     double second[1];
     yasps<m.tips.x.curvature>_second(p3, i, v, second);
-    V rows0[1], left0[1];
+    V rows0[1];
+    V left0[1];
     copy_rows_of_triangle(second, 1, 0, 1, (double*)rows0, 8);
     const long height0 = copy_rows(1, rows0, 1, left0);
     {
-        V right[1], both[1];
+        V right[1];
+        V both[1];
         const long breadth = (height0 + 7) / 8, across = 8 * breadth;
         for (long r = 0; breadth && r < 1; ++r) right[(r + 1) * breadth - 1] = splat(0.0);
         long column = 0;

@@ -192,6 +192,7 @@ extern "C" long yasps<both.pp.barrier.derivative>_derive(Arguments a, long begin
         }
         if (!sink.tiles) continue;
         const long changed = sink.project((double*)middle_of, 3, (int)(stop - start), sink.mode);
+        if (changed == YASPS_NO_MEMORY) return changed;
         if (changed < 0) return start - changed - 1;
         *sink.projected += changed;
         for (long first = start, pack = 0; first < stop; first += 8, ++pack) {
@@ -199,21 +200,24 @@ extern "C" long yasps<both.pp.barrier.derivative>_derive(Arguments a, long begin
             V* const middle = middle_of[pack];
             V hessian[21];
             pull_back_pack(middle, hessian);
-            V by_lane[8 * 3];
+            V by_lane[24];
             lane_by_lane(hessian, 21, by_lane, 3);
             for (long l = 0; l < lanes; ++l) {
                 const long i = first + l;
                 const int* const kappa = sink.kappa + i * 4;
                 const long* const position = sink.position + i * 10;
                 const double* const triangle = (const double*)(by_lane + l * 3);
-                V rows0[3], left0[12];
+                V rows0[3];
+                V left0[12];
                 copy_rows_of_triangle(triangle, 6, 0, 3, (double*)rows0, 8);
                 const long height0 = yasps<both.v.x>_pull(p1, (long)p0[i * 2 + 0], rows0, 1, left0);
-                V rows1[3], left1[12];
+                V rows1[3];
+                V left1[12];
                 copy_rows_of_triangle(triangle, 6, 3, 3, (double*)rows1, 8);
                 const long height1 = yasps<both.v.x>_pull(p1, (long)p0[i * 2 + 1], rows1, 1, left1);
                 {
-                    V right[6], both[24];
+                    V right[6];
+                    V both[24];
                     const long breadth = (height0 + 7) / 8, across = 8 * breadth;
                     for (long r = 0; breadth && r < 3; ++r) right[(r + 1) * breadth - 1] = splat(0.0);
                     long column = 0;
@@ -226,7 +230,8 @@ extern "C" long yasps<both.pp.barrier.derivative>_derive(Arguments a, long begin
                     (void)column, (void)block, (void)height;
                 }
                 {
-                    V right[9], both[36];
+                    V right[9];
+                    V both[36];
                     const long breadth = (height0 + height1 + 7) / 8, across = 8 * breadth;
                     for (long r = 0; breadth && r < 3; ++r) right[(r + 1) * breadth - 1] = splat(0.0);
                     long column = 0;

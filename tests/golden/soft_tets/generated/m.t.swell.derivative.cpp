@@ -468,6 +468,7 @@ extern "C" long yasps<m.t.swell.derivative>_derive(Arguments a, long begin, long
         }
         if (!sink.tiles) continue;
         const long changed = sink.project_isotropic((double*)middle_of, (const double*)deformation_of, 9, (int)(stop - start), sink.mode);
+        if (changed == YASPS_NO_MEMORY) return changed;
         if (changed < 0) return start - changed - 1;
         *sink.projected += changed;
         for (long first = start, pack = 0; first < stop; first += 8, ++pack) {
