@@ -10,7 +10,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from yasps.meshes import TetrahedralMesh, rabbit, read_tetrahedral_mesh
+from yasps.meshes import TetrahedralMesh, rabbit, read_tetrahedral_mesh, signed_volumes
 from yasps.output import OBSTACLE_GREY, PALETTE
 from yasps.program import CheckFailedError
 
@@ -79,7 +79,7 @@ def check_end(things: Sequence[Thing], masses: Mapping[str, NDArray[np.float64]]
         x, rest = thing.positions(), thing.rest
         fallen += GRAVITY * float(masses[thing.name] @ (rest - x)[:, 2])
         if (tets := thing.cells.get("tetra")) is not None:
-            shares = _volumes(x, tets) / _volumes(rest, tets)
+            shares = signed_volumes(x, tets) / signed_volumes(rest, tets)
             worst = min(worst, float(shares.min()))
             if worst <= 0:
                 raise CheckFailedError(f"tetrahedron {int(shares.argmin())} of {thing.name} is inside out")
@@ -114,8 +114,3 @@ def _inside(thing: Thing) -> NDArray[np.float64]:
     nearest = int(np.linalg.norm((middles - middles.mean(axis=0))[:, :2], axis=1).argmin())
     weights = np.array([0.23, 0.31, 0.46, 0.0][: ids.shape[1]])
     return np.asarray(weights @ x[nearest])
-
-
-def _volumes(x: NDArray[np.float64], tets: NDArray[np.int32]) -> NDArray[np.float64]:
-    edges = x[tets[:, 1:]] - x[tets[:, :1]]
-    return np.asarray(np.linalg.det(edges) / 6)

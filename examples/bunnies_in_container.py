@@ -15,8 +15,7 @@ import numpy as np
 from yasps import SceneError
 from yasps.bodies import AffineBody, Body, Obstacle, SoftBody
 from yasps.contact import ContactTable, narrowest_gap
-from yasps.meshes import TetrahedralMesh, TriangleMesh, rabbit, read_tetrahedral_mesh
-from yasps.meshes.tetrahedral_mesh import signed_volumes
+from yasps.meshes import TetrahedralMesh, TriangleMesh, rabbit, read_tetrahedral_mesh, signed_volumes
 from yasps.program import CheckFailedError, Options, SceneProgram
 from yasps.simulation import Simulation
 from yasps.stepping import NewtonSettings

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from yasps import SceneError
 from yasps.bodies import AffineBody, Body, HalfSpace, Obstacle
 from yasps.contact import ContactTable
-from yasps.meshes import TetrahedralMesh, TriangleMesh
+from yasps.meshes import TetrahedralMesh, TriangleMesh, signed_volumes
 from yasps.program import CheckFailedError, Options, SceneProgram
 from yasps.simulation import Simulation
 from yasps.stepping import NewtonSettings
@@ -66,8 +66,7 @@ def link() -> TetrahedralMesh:
             d, e, f = after[[0, i, j]]
             tets += [[a, b, c, f], [a, b, e, f], [a, d, e, f]]
     vertices, corners = points.reshape(-1, 3), np.array(tets, np.int32)
-    edges = vertices[corners[:, 1:]] - vertices[corners[:, :1]]
-    inside_out = np.linalg.det(edges) < 0
+    inside_out = signed_volumes(vertices, corners) < 0
     corners[inside_out] = corners[inside_out][:, [1, 0, 2, 3]]
     return TetrahedralMesh(vertices, corners)
 

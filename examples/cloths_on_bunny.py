@@ -6,9 +6,10 @@ lower cloth is 5 m wide, the others are 3.75 m, and 2 m above each other. With `
 
 The numbers are the paper's, in units that mean something:
 
-- A cloth's stiffness against stretch and shear [J/m^2] is the paper's in pascals times the thickness of 1 mm. Its
-  bending stiffness of 0.055 J is that of the hinge energy as it is, without the thickness, as in the paper's public
-  code: the cloth is a thousand times as stiff against bending as a sheet of 1 MPa and 1 mm, and has no small folds.
+- A cloth's stiffness against stretch and shear [J/m^2] is the paper's in pascals times the thickness of 1 mm. Against
+  bending the paper's public code has k l (theta - theta_0)^2 for a hinge with an edge of length l and k = 0.055 J/m,
+  which depends on the mesh. The kit's hinges have 3 B l^2 / A, and B is such that both are the same for the edges along
+  the sides of the lower cloth's cells where there are 100 along each side, as in the paper.
 - The paper's barrier (`--barrier paper`) is kappa (D - H)^2 log(D / H)^2 of squared distances D with kappa = 1e6 in an
   energy that is multiplied by dt^2; that is 1e10 J/m^4 here. It knows no areas. The default is the kit's barrier in
   pascals, at the same activation distance, with a tenth of the softer body's modulus.
@@ -35,7 +36,7 @@ YOUNGS_MODULUS, POISSON_RATIO = 10259.25, 0.20457  # Pa, of the bunny
 WIDTH = 5.0  # m, of the lower cloth
 UPPER_WIDTH = 3.75  # m, of the others
 THICKNESS = 1e-3  # m, of cloths
-STRETCH, SHEAR, BENDING = 335570.47 * THICKNESS, 100607.11 * THICKNESS, 0.055  # J/m^2, J/m^2, J
+STRETCH, SHEAR, BENDING = 335570.47 * THICKNESS, 100607.11 * THICKNESS, 0.055 * 0.05 / 3  # J/m^2, J/m^2, J
 COMPRESSION = 0.01  # of the stretch stiffness where a cloth is shortened
 DISTANCE = 1e-3  # m, of activation
 STIFFNESS = {"log": None, "paper": 1e10}  # J/m^4, of contact; None: by the moduli of bodies

@@ -18,8 +18,7 @@ from numpy.typing import NDArray
 from yasps import Scene, materials
 from yasps.bodies import Body
 from yasps.contact import narrowest_gap
-from yasps.meshes import TetrahedralMesh, rabbit, read_tetrahedral_mesh
-from yasps.meshes.tetrahedral_mesh import signed_volumes
+from yasps.meshes import TetrahedralMesh, rabbit, read_tetrahedral_mesh, signed_volumes
 from yasps.parameterisations import affine_position
 from yasps.program import CheckFailedError, Options, SceneProgram
 from yasps.simulation import Simulation

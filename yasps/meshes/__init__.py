@@ -7,7 +7,7 @@ from yasps.meshes.mesh_file import read_tetrahedral_mesh, write_mesh
 from yasps.meshes.rabbit_shape import rabbit
 from yasps.meshes.shapes import TriangleMesh, box, cloth_grid, ground, sphere
 from yasps.meshes.surface_meshing import tetrahedra_of, tetrahedralize
-from yasps.meshes.tetrahedral_mesh import MeshError, TetrahedralMesh
+from yasps.meshes.tetrahedral_mesh import MeshError, TetrahedralMesh, signed_volumes
 from yasps.meshes.triangles import hinge_stiffness, hinges_of, triangle_areas, triangle_vertex_masses
 
 __all__ = [
@@ -26,6 +26,7 @@ __all__ = [
     "quadratic",
     "rabbit",
     "read_tetrahedral_mesh",
+    "signed_volumes",
     "sphere",
     "stuff_isosurface",
     "stuff_isosurface_with_vertex_count",
