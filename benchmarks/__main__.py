@@ -38,6 +38,7 @@ from benchmarks import (
     solver,
     spmv,
     symbolic,
+    unions,
 )
 from benchmarks.device_derivatives import run_contacts, run_elements
 from benchmarks.device_systems import run_assembly, run_solver, run_spmv
@@ -81,6 +82,7 @@ BENCHMARKS = {
     "elements": Benchmark(elements.DESCRIPTION, elements.DEFAULT_SIZE, elements.run, takes_mesh=True),
     "cloth": Benchmark(cloth.DESCRIPTION, cloth.DEFAULT_SIZE, cloth.run),
     "contacts": Benchmark(contacts.DESCRIPTION, contacts.DEFAULT_SIZE, contacts.run),
+    "unions": Benchmark(unions.DESCRIPTION, unions.DEFAULT_SIZE, unions.run),
     "parts": Benchmark(parts.DESCRIPTION, parts.DEFAULT_SIZE, parts.run),
     "friction": Benchmark(friction.DESCRIPTION, friction.DEFAULT_SIZE, friction.run),
     "assembly": Benchmark(assembly.DESCRIPTION, assembly.DEFAULT_SIZE, assembly.run, takes_mesh=True),
