@@ -36,10 +36,9 @@ class Energy:
         return {name: random.uniform(0.5, 1.5, (*many, *shape)) for name, shape in shapes.items()}
 
     def scene(self, numbers: Numbers, projection: str = "clamp") -> Scene:
-        """A scene with this energy, of one element or of as many as there are numbers for."""
+        """A scene of one element with this energy."""
         scene = Scene("energy", threads=1)
-        first = next(iter(numbers.values()))
-        element = scene.add_mesh("mesh").add_primitive("element", num_instances=1 if first.ndim == 2 else len(first))
+        element = scene.add_mesh("mesh").add_primitive("element", num_instances=1)
         variables = {
             name: element.add_attribute(name, *shape, value=numbers[name]) for name, shape in self.variables.items()
         }

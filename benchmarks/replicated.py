@@ -21,6 +21,7 @@ from benchmarks.kernel_problem import on_cpu
 from benchmarks.measure import Peer, Report, Row, Settings, measure
 from benchmarks.plots import Bars
 from benchmarks.sympy_kernel import statements
+from yasps import Scene
 from yasps.frontend.commands.environment_report import cpu_model
 from yasps.frontend.execution.cpu_scene import CpuScene
 from yasps.runtime.build.toolchain import Compiler, Source, compile_sources, find_compiler, link
@@ -34,11 +35,12 @@ CHOSEN: Final = ("point_point", "affine orthogonality", "Baraff-Witkin, x", WITH
 PAPER_DET: Final = 5.0  # %, of YASPS
 AGREEMENT_POINT = 3
 NOTES = (
-    "--size N: elements, each with unknowns of its own; all of them have numbers of their own.",
+    "--size N: elements, each with vertices of its own, so that nothing is added up; all have numbers of their own.",
     "yasps: gather, gradient, Hessian (not projected), in packs of 8, stored block by block in the upper triangle of a "
-    "block-sparse matrix. SymPy: diff of each entry, cse of all, compiled by the same compiler with the same flags, "
-    "one element after another; gradient and upper triangle stored. JAX: jit(vmap(hessian)), one processor, full "
-    "matrices. All in float64, and in processor time; derivatives agree with yasps' before they are timed.",
+    "block-sparse matrix, which an affine body's one block of 9 x 9 fills whole. SymPy: diff of each entry, cse of all, "
+    "by the same compiler with the same flags, one element after another; gradient and upper triangle stored. JAX: "
+    "jit(vmap(hessian)), one processor, full matrices. All in float64, and in processor time; derivatives agree with "
+    "yasps' before they are timed.",
     "over yasps: time divided by yasps' of the same energy, figure 25. The paper gives no numbers, but that YASPS, on "
     "a GPU, matches the others and in some cases outperforms them, the more so the more complex the energy.",
     "cost of det: of the time with det(F), the share that goes if the sum of F's entries stands for it, figure 26. The "
@@ -116,9 +118,31 @@ def replicated(name: str, count: int) -> Replicated:
     """That many elements with regular numbers."""
     energy = ENERGIES[name]
     numbers = energy.numbers(AGREEMENT_POINT, count)
-    compiled = on_cpu(energy.scene(numbers, projection="clamp").compile())
+    compiled = on_cpu(_scene(energy, numbers, count).compile())
     compiled.update_structure()
     return Replicated(name, energy, numbers, compiled)
+
+
+def _scene(energy: Energy, numbers: Numbers, count: int) -> Scene:
+    """As in a mesh, positions belong to vertices, here to those of one element each; other variables to elements."""
+    scene = Scene("replicated", threads=1)
+    mesh = scene.add_mesh("mesh")
+    element = mesh.add_primitive("element", count)
+    values, targets = {}, []
+    for name, (rows, cols) in energy.variables.items():
+        if name == "x":
+            vertices = mesh.add_primitive("vertices", rows * count)
+            target = vertices.add_attribute("position", 3, 1, value=numbers[name].reshape(-1, 3))
+            corners = element.add_connectivity("corners", vertices, np.arange(rows * count).reshape(-1, rows), rows)
+            values[name] = element.add_attribute("x", through=corners, source=target)
+        else:
+            target = values[name] = element.add_attribute(name, rows, cols, value=numbers[name])
+        targets.append(target)
+    for name, shape in energy.constants.items():
+        values[name] = element.add_constant(name, *shape, value=numbers[name])
+    scene.add_energy(element.add_attribute("energy", computed_attribute=energy.expression(values)))
+    scene.add_minimize_target(targets)
+    return scene
 
 
 def run(settings: Settings) -> Report:
