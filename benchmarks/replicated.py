@@ -37,7 +37,7 @@ AGREEMENT_POINT = 3
 NOTES = (
     "--size N: elements, each with vertices of its own, so that nothing is added up; all have numbers of their own.",
     "yasps: gather, gradient, Hessian (not projected), in packs of 8, stored block by block in the upper triangle of a "
-    "block-sparse matrix, which an affine body's one block of 9 x 9 fills whole. SymPy: diff of each entry, cse of all, "
+    "block-sparse matrix; an affine body has one whole block of 9 x 9. SymPy: diff of each entry, cse of all, compiled "
     "by the same compiler with the same flags, one element after another; gradient and upper triangle stored. JAX: "
     "jit(vmap(hessian)), one processor, full matrices. All in float64, and in processor time; derivatives agree with "
     "yasps' before they are timed.",
