@@ -123,6 +123,6 @@ def run(settings: Settings) -> Report:
     value = {(row.case, row.implementation): row.value for row in rows}
     ways = [(scene, which) for which in ("with the kit", "by hand") for scene in SCENES]
     parts = {part: [value[f"{scene}, {part}", which] for scene, which in ways] for part in PARTS}
-    labels = [f"{scene}\n{which}" for scene, which in ways]
+    labels = [f"{scene} {which}" for scene, which in ways]
     plot = Bars("figure_19", "Lines of code; by hand, of the scene's own file", "lines", labels, parts, stacked=True)
     return Report(rows, list(NOTES), [plot])

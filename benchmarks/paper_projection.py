@@ -127,7 +127,7 @@ def run_figure_24(settings: Settings) -> Report:
             rows += found
             value = {row.case.removeprefix(f"{name}, noise {amplitude:g} ({share}): "): row.value for row in found}
             for how in ("in positions", "in F", "yasps"):
-                labels.append(f"{name.split()[-1]}\n{amplitude:g}, {how}")
+                labels.append(f"{name.split()[-1]} {amplitude:g}, {how}")
                 parts["hessian"].append(value["hessian"])
                 parts["projection"].append(value[f"projection, {how}"])
         rows.append(Row(f"{name}: gain", "the paper", 0, PAPER_GAIN[name], "times"))

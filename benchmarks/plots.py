@@ -12,6 +12,8 @@ import numpy as np
 
 INCHES = (7.0, 3.9)
 DOTS_PER_INCH = 100
+MOST_LEVEL_LABELS = 4
+"""More labels than this under bars would run into each other, and so are turned."""
 
 
 @dataclass(frozen=True)
@@ -48,7 +50,10 @@ class Bars:
                 below += np.nan_to_num(heights)
             else:
                 axes.bar(places + (k - 0.5 * (len(self.series) - 1)) * width, heights, width, label=name)
-        axes.set_xticks(places, self.labels)
+        if len(self.labels) <= MOST_LEVEL_LABELS:
+            axes.set_xticks(places, self.labels)
+        else:
+            axes.set_xticks(places, self.labels, rotation=40, ha="right", fontsize="small")
         axes.set_ylabel(self.unit)
         if self.log:
             axes.set_yscale("log")
