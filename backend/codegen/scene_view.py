@@ -211,9 +211,7 @@ class SceneView:
 
         What pulls back for single instances does, a JOIN of variable arity, and what is nothing but a read.
         """
-        bodies = [op.body.block for op in (*self.attributes.values(), *self.derivatives) if op.body.blocks]
-        bodies += [op.body.block for op in (*self.jacobians.values(), *self.curvatures.values())]
-        reads = [op for body in bodies for op in body.ops if isinstance(op, JoinOp)]
+        reads = [op for container in self.objects.values() for op in container.walk() if isinstance(op, JoinOp)]
         for name, container in self.objects.items():
             attribute = self.attributes.get(name)
             if attribute is None or not any(entry.data == "batch" for entry in container.entries):

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from cuda_on_host import HostDevice
@@ -69,6 +71,16 @@ def test_unions_of_parameterisations(kind: str, runtime: Runtime) -> None:
     several = len(PARAMETERISED[kind]["members"]) > 1
     for energy in ("static", "dynamic"):
         assert (compiled.placements[f"springs.{energy}.energy"].ordered is not None) == several
+
+
+def test_deterministic_scenes_do_not_depend_on_the_number_of_threads(runtime: Runtime) -> None:
+    results = []
+    for threads in (1, 3):
+        made = UnionScene(("affine", "pinned", "of a union"), projection="clamp", deterministic=True)
+        results.append(derivatives_of(made.scene, replace(runtime, threads=threads)))
+    (gradient, hessian), (other_gradient, other_hessian) = results
+    assert np.array_equal(gradient, other_gradient)
+    assert np.array_equal(hessian, other_hessian)
 
 
 def test_the_order_of_instances_is_seen_by_kernels_alone(runtime: Runtime) -> None:
