@@ -7,6 +7,7 @@
 
 #include <float.h>
 
+#include "core/vectors.h"
 #include "projection/cone.h"
 
 namespace yasps {
@@ -27,6 +28,15 @@ inline unsigned bits_of_eight(l8 mask) {
     unsigned bits = 0;
     for (int lane = 0; lane < kLanes; ++lane) bits |= static_cast<unsigned>(mask[lane] & 1) << lane;
     return bits;
+#endif
+}
+
+// 1 / v. What is near the ends of the number range may become NaN, which then fails the check.
+inline d8 over(d8 v) {
+#ifdef __AVX512F__
+    return reciprocal(v);
+#else
+    return 1.0 / v;
 #endif
 }
 
@@ -58,7 +68,7 @@ inline Check check_pack(const d8_unaligned* a, int any_width, d8* work) {
     for (int left = n; left > 0; --left) {
         const d8 pivot = row[0];
         check.passed &= pivot > 0.0;
-        const d8 inverse = 1.0 / pivot;
+        const d8 inverse = over(pivot);
         d8* below = row + left;
 #pragma GCC unroll 16
         for (int i = 1; i < left; ++i) {
