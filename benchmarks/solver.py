@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from importlib.util import find_spec
 
 import numpy as np
@@ -28,8 +28,8 @@ MAX_ITERATIONS = 100_000
 MOST_FOR_SUPERLU = 10_000
 REPEATS_PER_ROUND = 3
 NOTES = (
-    f"--size: unknowns, about; --repeats R: R / {REPEATS_PER_ROUND} rounds. PCG: r^T D^-1 r <= {TOLERANCE:g} g^T D^-1 g "
-    "with the diagonal blocks D, or to an error in the energy norm, in shares of the solution's. SciPy's cg: block "
+    f"--size: unknowns, about; --repeats R: R / {REPEATS_PER_ROUND} rounds. PCG: r^T D^-1 r <= {TOLERANCE:g} g^T D^-1 "
+    "g with the diagonal blocks D, or to an error in the energy norm, in shares of the solution's. SciPy's cg: block "
     "Jacobi, to the plain residual that PCG's result has with it.",
     "analyse: sparsity and all that depends on it, ordering and symbolic factorisation; solve: values, factorisation "
     "and solution, with the analysis kept from before, to a relative squared residual of 1e-16.",
@@ -71,7 +71,7 @@ def _rows_of(problem: SolverProblem, matrix: sparse.csr_array[np.float64], setti
     runtime = on_cpu(problem.compiled).runtime
     pcg = PcgSolver(runtime)
     threads_of_rows = sorted({1, settings.threads})
-    exact = _solved(pcg, problem, SolveOptions(EXACT, MAX_ITERATIONS, preconditioner="two-level"))[0]
+    exact = _Exact(matrix, _solved(pcg, problem, SolveOptions(EXACT, MAX_ITERATIONS, preconditioner="two-level"))[0])
     rows: list[Row] = []
     peers: list[Peer] = []
     for preconditioner in PRECONDITIONERS:
@@ -79,14 +79,15 @@ def _rows_of(problem: SolverProblem, matrix: sparse.csr_array[np.float64], setti
         x, report = _solved(pcg, problem, options)
         cases = [(f"yasps PCG, {preconditioner}", options, report.iterations)]
         for error in ERRORS:
-            count = _iterations_to(error, pcg, problem, matrix, exact, replace(options, tolerance=0.0))
+            count = _iterations_to(error, pcg, problem, exact, replace(options, tolerance=0.0))
             stopped = replace(options, tolerance=0.0, max_iterations=count)
             cases.append((f"yasps PCG, {preconditioner}, error {error:g}", stopped, count))
         for name, chosen, count in cases:
             rows.append(Row(problem.name, name, settings.threads, count, "iterations"))
             peers += [Peer(problem.name, name, k, _pcg_run(pcg, problem, chosen, k), 1.0, "s") for k in threads_of_rows]
-        left = _energy_error(matrix, x, exact)
-        rows.append(Row(problem.name, f"yasps PCG, {preconditioner}", settings.threads, left, "error in energy norm"))
+        rows.append(
+            Row(problem.name, f"yasps PCG, {preconditioner}", settings.threads, exact.error(x), "error in energy norm")
+        )
         if preconditioner == "jacobi":
             residual = float(np.linalg.norm(matrix @ x - g) / np.linalg.norm(g))
     for name in available_libraries():
@@ -113,25 +114,25 @@ def _solved(pcg: PcgSolver, problem: SolverProblem, options: SolveOptions) -> tu
     return x, report
 
 
-def _energy_error(matrix: sparse.csr_array[np.float64], x: NDArray[np.float64], exact: NDArray[np.float64]) -> float:
-    """sqrt(e^T H e) of x, in shares of the solution's."""
-    off = x - exact
-    return float(np.sqrt(off @ (matrix @ off) / (exact @ (matrix @ exact))))
+@dataclass(frozen=True)
+class _Exact:
+    """The solution, to measure errors in the energy norm against."""
+
+    matrix: sparse.csr_array[np.float64]
+    x: NDArray[np.float64]
+
+    def error(self, x: NDArray[np.float64]) -> float:
+        """sqrt(e^T H e) of x, in shares of the solution's."""
+        off = x - self.x
+        return float(np.sqrt(off @ (self.matrix @ off) / (self.x @ (self.matrix @ self.x))))
 
 
-def _iterations_to(
-    error: float,
-    pcg: PcgSolver,
-    problem: SolverProblem,
-    matrix: sparse.csr_array[np.float64],
-    exact: NDArray[np.float64],
-    options: SolveOptions,
-) -> int:
+def _iterations_to(error: float, pcg: PcgSolver, problem: SolverProblem, exact: _Exact, options: SolveOptions) -> int:
     """The fewest iterations after which the error in the energy norm, which falls in each, is at most this."""
 
     def reached(count: int) -> bool:
         x, _ = pcg.solve(problem.parts, problem.gradient, replace(options, max_iterations=count))
-        return _energy_error(matrix, x, exact) <= error
+        return exact.error(x) <= error
 
     few, many = 0, 1
     while not reached(many):
