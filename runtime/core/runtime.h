@@ -146,6 +146,19 @@ struct Share {
     int last_col;  // dof block
 };
 
+// Dof blocks that move together in the coarse space of the two-level preconditioner (solvers/aggregates.cpp).
+struct Aggregates {
+    bool known = false;
+    int count = 0;
+    long unknowns = 0;      // of the coarse space: what the aggregates' blocks have, each aggregate once
+    long length = 0;        // of padded vectors of these
+    Buffer<int> of;         // [blocks]: the aggregate of each, or -1
+    Buffer<int> width;      // [count]: scalars of a block
+    Buffer<int> weight;     // [count]: blocks
+    Buffer<int> first;      // [count + 1]: the first unknown of each
+    Buffer<int> padded_of;  // [unknowns]: the place in padded vectors
+};
+
 // The sparsity of a symmetric matrix, upper triangle only (paper, appendix B).
 struct Structure {
     Layout layout;
@@ -156,7 +169,8 @@ struct Structure {
     Buffer<int> row, col;    // [blocks]: dof blocks, row <= col
     Buffer<int> padded_col;  // [blocks]: col as offset into padded vectors
     Buffer<Run> runs;
-    Buffer<long> diagonal;  // [layout.blocks]: offset of the diagonal block, or -1
+    Buffer<long> diagonal;          // [layout.blocks]: offset of the diagonal block, or -1
+    mutable Aggregates aggregates;  // found when first asked for, forgotten at the next build
 
     // Scratch of the build, kept for the next one if there soon is one.
     Layout next_layout;

@@ -267,6 +267,13 @@ class BlockMatrix(Uncopied):
         check_status(status)
         return result
 
+    def aggregates(self) -> IntArray:
+        """Of each scalar the number of the aggregate that its dof block moves with in the coarse space of the two-level
+        preconditioner, int32 [size]; -1 for blocks that take no part. They follow from the sparsity alone."""
+        numbers = np.empty(self.size, np.int32)
+        check_status(self._runtime.library.yasps_aggregates(self.handle, numbers.ctypes.data))
+        return numbers
+
     def to_scipy(self) -> sparse.csr_array[np.float64]:
         """The full symmetric matrix (both triangles) as a SciPy array in CSR format."""
         from scipy import sparse

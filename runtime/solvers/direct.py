@@ -178,7 +178,9 @@ class DirectSolver:
             return np.zeros_like(g), self._failed(StopReason.NOT_POSITIVE_DEFINITE, block)
         if not np.isfinite(x).all():
             return np.zeros_like(g), self._failed(StopReason.NOT_POSITIVE_DEFINITE, None)
-        refined = replace(options, tolerance=max(options.tolerance, _ROUNDING), max_iterations=_REFINEMENTS)
+        refined = replace(
+            options, tolerance=max(options.tolerance, _ROUNDING), max_iterations=_REFINEMENTS, preconditioner="jacobi"
+        )
         x, report = self._check.solve(parts, g, refined, x, threads=threads)
         return x, report.by(self.name)
 
