@@ -22,6 +22,8 @@ _SEARCHES_PER_ORDER = 16
 """How many searches use one order of the trees: a better one costs as much as a few searches in a bad one."""
 _FEW = 256
 """Surfaces with fewer vertices are searched before a second thread has woken up."""
+_FEW_PAIRS = 4096
+"""The same of pairs that are measured."""
 
 
 @dataclass(frozen=True)
@@ -142,14 +144,15 @@ class Surface(Uncopied):
             self.edges.ctypes.data,
             len(self.edges),
             len(labels),
-            None if thickness is None else thickness.radii.ctypes.data,
-            None if thickness is None else thickness.objects.ctypes.data,
-            0.0 if thickness is None else thickness.reach,
+            *self._thickness_arguments(),
         )
-        if not close_set:
+        step_bound = runtime.library.yasps_step_bound_new()
+        if not (close_set and step_bound):
             raise MemoryError("no memory for the close pairs of a surface")
         self._close_set: int = close_set
         weakref.finalize(self, runtime.library.yasps_close_set_free, close_set)
+        self._step_bound: int = step_bound
+        weakref.finalize(self, runtime.library.yasps_step_bound_free, step_bound)
 
     def find(self, start: FloatArray, end: FloatArray, reach: float) -> SurfacePairs:
         """All pairs without a common vertex that may come within `reach` and their radii on the straight way; and some
@@ -160,7 +163,7 @@ class Surface(Uncopied):
         library = self._runtime.library
         threads = self._runtime.thread_count(None) if len(self.vertices) >= _FEW else 1
         status = library.yasps_surface_find(
-            self._handle, start.ctypes.data, end.ctypes.data, reach, int(sort), counts, threads
+            self._handle, start.ctypes.data, end.ctypes.data, len(start), reach, int(sort), counts, threads
         )
         check_status(status)
         pairs = SurfacePairs(np.empty((counts[0], 4), np.int32), np.empty((counts[1], 4), np.int32))
@@ -201,6 +204,7 @@ class Surface(Uncopied):
             reach,
             int(improved_max),
             *_addresses(pairs),
+            self._threads_for(pairs),
             ends,
             least,
         )
@@ -225,21 +229,25 @@ class Surface(Uncopied):
     ) -> float | None:
         """The largest step in [0, 1] from start straight towards end at which every pair still has a tenth of its gap,
         to 1 %; None if one is within `touching` at the start."""
-        step = float(
-            self._runtime.library.yasps_step_bound(
-                self._close_set,
-                start.ctypes.data,
-                end.ctypes.data,
-                rest.ctypes.data,
-                touching,
-                *_addresses(pairs),
-            )
+        step = ctypes.c_double()
+        status = self._runtime.library.yasps_step_bound(
+            self._step_bound,
+            start.ctypes.data,
+            end.ctypes.data,
+            len(start),
+            rest.ctypes.data,
+            *self._thickness_arguments(),
+            touching,
+            *_addresses(pairs),
+            self._threads_for(pairs),
+            ctypes.addressof(step),
         )
-        return step if step >= 0 else None
+        check_status(status)
+        return step.value if step.value >= 0 else None
 
     def meetings(self, start: FloatArray, end: FloatArray, rest: FloatArray, pairs: SurfacePairs) -> Meetings:
         """Those of the pairs that do not keep a tenth of their gap on the straight way from start to end."""
-        thick, found = self.thickness, []
+        found = []
         for vertices, split in ((pairs.edge_edge, 2), (pairs.vertex_triangle, 1)):
             count = len(vertices)
             times, gaps, offsets = np.empty(count), np.empty(count), np.empty(count)
@@ -248,9 +256,7 @@ class Surface(Uncopied):
                 start.ctypes.data,
                 end.ctypes.data,
                 rest.ctypes.data,
-                None if thick is None else thick.radii.ctypes.data,
-                None if thick is None else thick.objects.ctypes.data,
-                0.0 if thick is None else thick.reach,
+                *self._thickness_arguments(),
                 vertices.ctypes.data,
                 count,
                 split,
@@ -260,6 +266,14 @@ class Surface(Uncopied):
             meets = times <= 1
             found.append([one[meets] for one in (vertices, times, gaps, offsets, weights, ways)])
         return Meetings(*(np.concatenate(both) for both in zip(*found, strict=True)))
+
+
+    def _thickness_arguments(self) -> tuple[int | None, int | None, float]:
+        thick = self.thickness
+        return (None, None, 0.0) if thick is None else (thick.radii.ctypes.data, thick.objects.ctypes.data, thick.reach)
+
+    def _threads_for(self, pairs: SurfacePairs) -> int:
+        return self._runtime.thread_count(None) if len(pairs) >= _FEW_PAIRS else 1
 
 
 def _addresses(pairs: SurfacePairs) -> tuple[int, int, int, int]:
