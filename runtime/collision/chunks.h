@@ -48,12 +48,8 @@ class ChunkLists {
             to = std::copy_n(lists_[span.thread].items.data + span.begin, span.end - span.begin, to);
         }
     }
-    // Calls work(item) for all that was found, in any order.
-    template <class Work>
-    void for_each(const Work& work) const {
-        for (const List<T>& list : lists_)
-            for (long k = 0; k < list.count; ++k) work(list[k]);
-    }
+    // What this thread found.
+    const List<T>& of_thread(int thread) const { return lists_[thread]; }
 
   private:
     struct Span {

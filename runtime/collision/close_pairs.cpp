@@ -78,8 +78,12 @@ struct CloseSet {
     ImprovedMax improved_max[kMostThreads];
     Least least[kMostThreads];
     Buffer<CloseEntry> sorted;  // all that was found; of each part the first ones remain
-    Buffer<long> bucket_start;
-    Buffer<Range> parts;  // of `sorted`: what remains
+    Buffer<long> bucket_start, next, part_start;
+    struct Part {
+        Range left;              // what remains of it, in `sorted`
+        long of_kind[kKinds];
+    };
+    Buffer<Part> parts;
     long part_count = 0;
 
     // False: out of memory.
@@ -91,14 +95,20 @@ struct CloseSet {
         for (Least& one : least) one = {INFINITY, INFINITY};
         of_triangles_found.clear(), near_found.clear();
         const bool edges_fine = look<2>(ask, edge_edge, edge_count, of_edges_found, [&](const Near& pair, auto& list) {
-            CloseEntry entry = entry_of_edges(ask, pair);
-            return list.push(entry);
+            if (!list.grow(1)) return false;
+            list.add(entry_of_edges(ask, pair.v, pair.closest.features));
+            CloseEntry& entry = list[list.count - 1];
+            entry.share = pair.share;
+            if (ask.improved)  // edge pairs are not merged with others
+                for (int k = 0; k < 2; ++k) entry.edges[k] = edges.of(pair.v[2 * k], pair.v[2 * k + 1]);
+            return true;
         });
         if (!edges_fine) return false;
         const auto close_triangle = [&](const Near& pair, List<CloseEntry>& list) {
-            CloseEntry entry = of_vertex_and_triangle(pair.v, pair.closest.features);
-            entry.share = pair.share;
-            return list.push(entry);
+            if (!list.grow(1)) return false;
+            list.add(of_vertex_and_triangle(pair.v, pair.closest.features));
+            list[list.count - 1].share = pair.share;
+            return true;
         };
         const auto near_triangle = [&](const Near& pair, List<NearTriangle>& list) {
             const int* const v = pair.v;
@@ -113,8 +123,8 @@ struct CloseSet {
     // Where the entries of each kind end.
     void ends_of_kinds(long* ends) const {
         std::fill_n(ends, int(kKinds), 0);
-        for (long part = 0; part < part_count; ++part)
-            for (long k = parts[part].begin; k < parts[part].end; ++k) ++ends[sorted[k].kind];
+        for (long p = 0; p < part_count; ++p)
+            for (int kind = 0; kind < kKinds; ++kind) ends[kind] += parts[p].of_kind[kind];
         for (int kind = 1; kind < kKinds; ++kind) ends[kind] += ends[kind - 1];
     }
 
@@ -206,18 +216,12 @@ struct CloseSet {
         return true;
     }
 
-    // With improved max edge pairs are not merged with others.
-    CloseEntry entry_of_edges(const Question& ask, const Near& pair) const {
-        const int* const v = pair.v;
+    static CloseEntry entry_of_edges(const Question& ask, const int* v, int features) {
         Point p[4];
         gather(v, ask.x, p);
         const Point* const x0 = ask.rest;
         const double threshold = 1e-3 * square(x0[v[1]] - x0[v[0]]) * square(x0[v[3]] - x0[v[2]]);
-        CloseEntry entry = of_edges(v, p, threshold, pair.closest.features);
-        entry.share = pair.share;
-        if (ask.improved)
-            for (int k = 0; k < 2; ++k) entry.edges[k] = edges.of(v[2 * k], v[2 * k + 1]);
-        return entry;
+        return of_edges(v, p, threshold, features);
     }
 
     // How often each vertex counts at each place of the triangles near it.
@@ -264,32 +268,65 @@ struct CloseSet {
     }
 
     // Sorts what was found, and makes one entry of equal ones; with improved max, none where they cancel. False: out of
-    // memory. Buckets of kinds and first vertices, about as many as entries, are in order; each is sorted by itself.
+    // memory. Buckets of kinds and first vertices are in order; each is sorted by itself.
     bool merge(const Question& ask) {
-        const long count = of_edges_found.total() + of_triangles_found.total();
+        const List<CloseEntry>* lists[2 * kMostThreads];
+        int list_count = 0;
+        long count = 0;
+        for (const ChunkLists<CloseEntry>* const found : {&of_edges_found, &of_triangles_found})
+            for (int t = 0; t < ask.threads; ++t) {
+                const List<CloseEntry>& list = found->of_thread(t);
+                count += list.count;
+                if (list.count > 0) lists[list_count++] = &list;
+            }
         int shift = 0;
-        while (vertices >> shift > 256 + count / 4) ++shift;
+        while (vertices >> shift > 256 + count / 8) ++shift;
         const long of_kind = (vertices >> shift) + 1, buckets = kKinds * of_kind;
-        if (!sorted.reserve(count) || !bucket_start.reserve(buckets + 2)) return false;
-        long* const start = bucket_start.data;
-        std::fill_n(start, buckets + 2, 0);
+        part_count = (count + kChunk - 1) / kChunk;
+        if (!sorted.reserve(count) || !bucket_start.reserve(buckets + 1) || !next.reserve(list_count * buckets) ||
+            !parts.reserve(part_count))
+            return false;
         const auto bucket_of = [&](const CloseEntry& entry) {
             return entry.kind * of_kind + (entry.vertices[0] >> shift);
         };
-        const auto for_each = [&](const auto& work) { of_edges_found.for_each(work), of_triangles_found.for_each(work); };
-        for_each([&](const CloseEntry& entry) { ++start[bucket_of(entry) + 2]; });
-        for (long b = 0; b < buckets; ++b) start[b + 2] += start[b + 1];
-        for_each([&](const CloseEntry& entry) { sorted[start[bucket_of(entry) + 1]++] = entry; });
-        part_count = (count + kChunk - 1) / kChunk;
-        if (!parts.reserve(part_count)) return false;
+        // Where each list's entries of each bucket go.
 #pragma omp parallel for num_threads(ask.threads) schedule(dynamic) if (ask.threads > 1)
-        for (long part = 0; part < part_count; ++part) {
+        for (int l = 0; l < list_count; ++l) {
+            long* const of_list = &next[l * buckets];
+            std::fill_n(of_list, buckets, 0);
+            for (long k = 0; k < lists[l]->count; ++k) ++of_list[bucket_of((*lists[l])[k])];
+        }
+        long sum = 0;
+        for (long b = 0; b < buckets; ++b) {
+            bucket_start[b] = sum;
+            for (int l = 0; l < list_count; ++l) {
+                const long here = next[l * buckets + b];
+                next[l * buckets + b] = sum;
+                sum += here;
+            }
+        }
+        bucket_start[buckets] = sum;
+#pragma omp parallel for num_threads(ask.threads) schedule(dynamic) if (ask.threads > 1)
+        for (int l = 0; l < list_count; ++l) {
+            long* const of_list = &next[l * buckets];
+            for (long k = 0; k < lists[l]->count; ++k) {
+                const CloseEntry& entry = (*lists[l])[k];
+                sorted[of_list[bucket_of(entry)]++] = entry;
+            }
+        }
+#pragma omp parallel for num_threads(ask.threads) schedule(dynamic) if (ask.threads > 1)
+        for (long p = 0; p < part_count; ++p) {
             // Buckets that begin among the entries of this part.
-            const long begin = kChunk * part, end = std::min(count, begin + kChunk);
+            const long* const start = bucket_start.data;
+            const long begin = kChunk * p, end = std::min(count, begin + kChunk);
             long bucket = std::lower_bound(start, start + buckets, begin) - start;
-            Range& left = parts[part] = {start[bucket], start[bucket]};
-            for (; bucket < buckets && start[bucket] < end; ++bucket)
-                left.end = add_bucket(ask, {start[bucket], start[bucket + 1]}, left.end);
+            Part& part = parts[p];
+            part = {{start[bucket], start[bucket]}, {}};
+            for (; bucket < buckets && start[bucket] < end; ++bucket) {
+                const long before_it = part.left.end;
+                part.left.end = add_bucket(ask, {start[bucket], start[bucket + 1]}, before_it);
+                part.of_kind[bucket / of_kind] += part.left.end - before_it;
+            }
         }
         return true;
     }
@@ -358,18 +395,28 @@ int yasps_close_set_find(void* close_set, const double* positions, const double*
 
 // Copies what was found last, [the last end] each: vertices [4], weights, counts and edges [2], shares. Null: not
 // needed.
-void yasps_close_set_copy(const void* close_set, int* vertices, double* weights, int* counts, int* edges,
-                          double* shares) {
-    const CloseSet& set = *static_cast<const CloseSet*>(close_set);
-    long to = 0;
-    for (long part = 0; part < set.part_count; ++part)
-        for (long k = set.parts[part].begin; k < set.parts[part].end; ++k, ++to) {
+int yasps_close_set_copy(void* close_set, int threads, int* vertices, double* weights, int* counts, int* edges,
+                         double* shares) {
+    CloseSet& set = *static_cast<CloseSet*>(close_set);
+    if (!set.part_start.reserve(set.part_count)) return kOutOfMemory;
+    long sum = 0;
+    for (long p = 0; p < set.part_count; ++p) {
+        set.part_start[p] = sum;
+        sum += set.parts[p].left.end - set.parts[p].left.begin;
+    }
+#pragma omp parallel for num_threads(std::min(threads, kMostThreads)) schedule(dynamic) if (threads > 1)
+    for (long p = 0; p < set.part_count; ++p) {
+        const Range left = set.parts[p].left;
+        long to = set.part_start[p];
+        for (long k = left.begin; k < left.end; ++k, ++to) {
             const CloseEntry& entry = set.sorted[k];
             std::copy_n(entry.vertices, 4, vertices + 4 * to);
             weights[to] = entry.weight, shares[to] = entry.share;
             if (counts != nullptr) std::copy_n(entry.times, 2, counts + 2 * to);
             if (edges != nullptr) std::copy_n(entry.edges, 2, edges + 2 * to);
         }
+    }
+    return kOk;
 }
 
 // Where on the way from start to end ([vertices, 3], of ids [count]) all vertices are nearest to `positions`, and the

@@ -146,11 +146,13 @@ class Surface(Uncopied):
             len(labels),
             *self._thickness_arguments(),
         )
-        step_bound = runtime.library.yasps_step_bound_new()
-        if not (close_set and step_bound):
+        if not close_set:
             raise MemoryError("no memory for the close pairs of a surface")
         self._close_set: int = close_set
         weakref.finalize(self, runtime.library.yasps_close_set_free, close_set)
+        step_bound = runtime.library.yasps_step_bound_new()
+        if not step_bound:
+            raise MemoryError("no memory for the step bounds of a surface")
         self._step_bound: int = step_bound
         weakref.finalize(self, runtime.library.yasps_step_bound_free, step_bound)
 
@@ -196,7 +198,7 @@ class Surface(Uncopied):
         """
         ends = (ctypes.c_long * KINDS)()
         least = (ctypes.c_double * 2)()
-        library = self._runtime.library
+        library, threads = self._runtime.library, self._threads_for(pairs)
         status = library.yasps_close_set_find(
             self._close_set,
             positions.ctypes.data,
@@ -204,7 +206,7 @@ class Surface(Uncopied):
             reach,
             int(improved_max),
             *_addresses(pairs),
-            self._threads_for(pairs),
+            threads,
             ends,
             least,
         )
@@ -212,14 +214,16 @@ class Surface(Uncopied):
         count = ends[-1]
         vertices, weight, share = np.empty((count, 4), np.int32), np.empty(count), np.empty(count)
         counts, edges = np.zeros((count, 2), np.int32), np.zeros((count, 2), np.int32)
-        library.yasps_close_set_copy(
+        status = library.yasps_close_set_copy(
             self._close_set,
+            threads,
             vertices.ctypes.data,
             weight.ctypes.data,
             counts.ctypes.data if improved_max else None,
             edges.ctypes.data if improved_max else None,
             share.ctypes.data,
         )
+        check_status(status)
         parts = [slice(begin, end) for begin, end in pairwise([0, *ends])]
         kinds = [ClosePairs(vertices[k], weight[k], counts[k], edges[k], share[k]) for k in parts]
         return kinds, *least

@@ -126,7 +126,7 @@ _SIGNATURES: dict[str, tuple[type | None, tuple[type, ...]]] = {
             _pointer,
         ),
     ),
-    "yasps_close_set_copy": (None, (_pointer, _pointer, _pointer, _pointer, _pointer, _pointer)),
+    "yasps_close_set_copy": (_int, (_pointer, _int, _pointer, _pointer, _pointer, _pointer, _pointer)),
     "yasps_step_bound_new": (_pointer, ()),
     "yasps_step_bound_free": (None, (_pointer,)),
     "yasps_step_bound": (
