@@ -27,7 +27,12 @@ class ChunkLists {
             List<T>& list = lists_[thread];
             const long begin = list.count;
             fine = work(chunk, list) && fine;
-            spans_[chunk] = {thread, begin, list.count};
+            spans_[chunk] = {thread, begin, list.count, 0};
+        }
+        long place = 0;
+        for (long chunk = 0; chunk < chunks; ++chunk) {
+            spans_[chunk].place = place;
+            place += spans_[chunk].end - spans_[chunk].begin;
         }
         chunks_ = chunks;
         return fine;
@@ -42,10 +47,11 @@ class ChunkLists {
         return sum;
     }
     // Copies all that was found, [total()].
-    void copy(T* to) const {
+    void copy(T* to, int threads) const {
+#pragma omp parallel for num_threads(threads) schedule(static) if (threads > 1)
         for (long chunk = 0; chunk < chunks_; ++chunk) {
             const Span& span = spans_[chunk];
-            to = std::copy_n(lists_[span.thread].items.data + span.begin, span.end - span.begin, to);
+            std::copy_n(lists_[span.thread].items.data + span.begin, span.end - span.begin, to + span.place);
         }
     }
     // What this thread found.
@@ -54,7 +60,8 @@ class ChunkLists {
   private:
     struct Span {
         int thread;
-        long begin, end;
+        long begin, end;  // in its list
+        long place;       // among all
     };
     List<T> lists_[kMostThreads];
     Buffer<Span> spans_;

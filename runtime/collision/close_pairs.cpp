@@ -228,7 +228,7 @@ struct CloseSet {
     bool add_near(const Question& ask) {
         const long count = near_found.total();
         if (!near.reserve(count) || !order.reserve(count) || !group_start.reserve(vertices + 2)) return false;
-        near_found.copy(near.data);
+        near_found.copy(near.data, ask.threads);
         for (int t = 0; t < ask.threads; ++t)
             if (!improved_max[t].prepare(vertices)) return false;
         // By vertices, in the order of the pairs.

@@ -17,29 +17,32 @@ struct Suspect {
     double free_until;  // 0 where it may touch at the start
 };
 
-struct Motion {
-    Places at, moves;
-    const Point* start;
-    double touching;  // a gap that is nothing
-
-    // radii: or null. False: out of memory.
-    bool take(const Point* from, const Point* to, const double* radii, long vertices, double nothing, int threads) {
-        start = from, touching = nothing;
-        return at.take(from, nullptr, radii, vertices, threads) && moves.take(to, from, nullptr, vertices, threads);
+class FreeWays {
+  public:
+    // Where vertices start and end, [vertices]; radii: or null; touching: a gap that is nothing. False: out of memory.
+    bool take(const Point* start, const Point* end, const double* radii, long vertices, double touching, int threads) {
+        touching_ = touching;
+        return at_.take(start, nullptr, radii, vertices, threads) && moves_.take(end, start, nullptr, vertices, threads);
     }
 
-    // Adds those of `count` of the pairs that are not sure to be free. numbers: [count].
-    template <int kSplit>
-    bool look(const int* rows, const int* numbers, long count, List<Suspect>* suspects) const {
-        if (!suspects->grow(count)) return false;
-        for (long k = 0; k < count; k += kPack) {
-            const long lanes = std::min<long>(kPack, count - k);
-            double until[kPack];
-            const unsigned free = free_lanes<kSplit>(rows, numbers + k, lanes, until);
-            for (int l = 0; l < lanes; ++l)
-                if (!(free >> l & 1)) suspects->add({numbers[k + l], until[l]});
-        }
-        return true;
+    // Those of `count` pairs that are not sure to be free, in their order. False: out of memory.
+    bool find(int split, const int* pairs, long count, int threads, ChunkLists<Suspect>* found) const {
+        constexpr long kChunk = 1024;
+        return found->run((count + kChunk - 1) / kChunk, threads, [&](long chunk, List<Suspect>& list) {
+            const long begin = chunk * kChunk, end = std::min(count, begin + kChunk);
+            if (!list.grow(end - begin)) return false;
+            for (long k = begin; k < end; k += kPack) {
+                const long lanes = std::min<long>(kPack, end - k);
+                int numbers[kPack];
+                for (int l = 0; l < kPack; ++l) numbers[l] = static_cast<int>(k + l);
+                double until[kPack];
+                const unsigned free = split == 1 ? free_lanes<1>(pairs, numbers, lanes, until)
+                                                 : free_lanes<2>(pairs, numbers, lanes, until);
+                for (int l = 0; l < lanes; ++l)
+                    if (!(free >> l & 1)) list.add({numbers[l], until[l]});
+            }
+            return true;
+        });
     }
 
   private:
@@ -48,7 +51,7 @@ struct Motion {
     // A bit for each pair that is free, and the times up to which the others are.
     template <int kSplit>
     unsigned free_lanes(const int* rows, const int* numbers, long lanes, double* until) const {
-        const PairPack here = gather(at, rows, numbers, lanes), way = gather(moves, rows, numbers, lanes);
+        const PairPack here = gather(at_, rows, numbers, lanes), way = gather(moves_, rows, numbers, lanes);
         const PointPack mean = constant<Eight>(0.25) * ((way.p[0] + way.p[1]) + (way.p[2] + way.p[3]));
         PointPack q[4], move[4];  // relative to the first vertex, and to the mean motion
         here.relative(q);
@@ -77,13 +80,16 @@ struct Motion {
                                         first_of_second<kSplit>(after) - last_of_first<kSplit>(after));
         const Eight wanted = (keep + rounding) * square_root(square(closest.way));
         const Eight room = distance - keep - rounding;
-        const auto apart = less(constant<Eight>(touching), distance - most_radii<kSplit>(here.radius));
+        const auto apart = less(constant<Eight>(touching_), distance - most_radii<kSplit>(here.radius));
         const auto free = apart & (less(speed, room) | less(wanted, narrowest));
         store_lanes(until, select(apart & less(zero, room), quotient(room, speed), zero));
         for (int l = 0; l < kPack; ++l)
             if (!(closest.sure >> l & 1) || !(until[l] > 0)) until[l] = 0;
         return bits_of(free) & closest.sure;
     }
+
+    Places at_, moves_;
+    double touching_ = 0;
 };
 
 }  // namespace yasps

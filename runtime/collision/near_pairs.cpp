@@ -33,6 +33,7 @@ struct Ends {
 // of time and least at an end of the motion.
 template <int kSplit>
 void drop_apart(const Ends& ends, double reach, long first, Pairs* rows) {
+    if (rows->count == first) return;
     const int* const pairs = rows->items[0].vertices;
     long to = first;
     for (long k = first; k < rows->count; k += kPack) {
@@ -73,6 +74,8 @@ struct Scene {
 };
 
 // Looks for pairs of a piece of one tree and one of another, or of two pieces of the same.
+// kSplit: vertices of the first of both, of four in all.
+template <int kSplit>
 struct Search {
     const Tree &a, &b;
     const Scene& scene;
@@ -112,16 +115,16 @@ struct Search {
 
     // Adds what two blocks have and whose boxes meet; false: out of memory.
     bool look_at(const Task& task, Pairs* found) const {
-        const int left = kBlock * task.a.block, right = kBlock * task.b.block;
+        const long left = kBlock * task.a.block, right = kBlock * task.b.block;
         const Block &one = a.blocks[task.a.block], &other = b.blocks[task.b.block];
         if (!found->grow(kBlock * kBlock)) return false;
         const unsigned rows = bits_of(one.apart_from(b.nodes[task.b.node].box, reach_of_boxes)) ^ 0xff;
         for (unsigned left_rows = rows; left_rows != 0; left_rows &= left_rows - 1) {
             const int i = __builtin_ctz(left_rows);
-            i8 apart = other.apart_from(one, i, reach_of_boxes) | other.joined_with(one, i, b.arity, a.arity);
+            i8 apart = other.apart_from(one, i, reach_of_boxes) | other.joined_with<4 - kSplit, kSplit>(one, i);
             if (is_same(task)) apart |= i8{0, 1, 2, 3, 4, 5, 6, 7} <= i;
             for (unsigned near = bits_of(apart) ^ 0xff; near != 0; near &= near - 1)
-                add(a.at(left + i), b.at(right + __builtin_ctz(near)), found);
+                add(&a.vertices[kSplit * (left + i)], &b.vertices[(4 - kSplit) * (right + __builtin_ctz(near))], found);
         }
         return true;
     }
@@ -131,8 +134,8 @@ struct Search {
         if (!scene.may_meet(first[0], second[0])) return;
         if (&a == &b && second[0] < first[0]) std::swap(first, second);
         Row row;
-        for (int c = 0; c < a.arity; ++c) row.vertices[c] = first[c];
-        for (int c = 0; c < b.arity; ++c) row.vertices[a.arity + c] = second[c];
+        for (int c = 0; c < kSplit; ++c) row.vertices[c] = first[c];
+        for (int c = kSplit; c < 4; ++c) row.vertices[c] = second[c - kSplit];
         found->add(row);
     }
 
@@ -143,10 +146,7 @@ struct Search {
         stack[height++] = task;
         long looked_at = found->count;
         const auto drop = [&] {
-            if (a.arity == 1)
-                drop_apart<1>(ends, reach, looked_at, found);
-            else
-                drop_apart<2>(ends, reach, looked_at, found);
+            drop_apart<kSplit>(ends, reach, looked_at, found);
             looked_at = found->count;
         };
         while (height > 0) {
@@ -230,11 +230,12 @@ int yasps_surface_find(void* surface, const double* start, const double* end, lo
         if (sort) trees[k]->sort(from);
         trees[k]->fit(from, to, s.scene.radii);
     }
-    const auto search = [&](const Tree& a, const Tree& b, ChunkLists<Row>& found) {
-        return Search(a, b, s.scene, s.ends, reach).run(&found, used);
+    const auto edges = [&](const Tree& a, const Tree& b, ChunkLists<Row>& found) {
+        return Search<2>(a, b, s.scene, s.ends, reach).run(&found, used);
     };
-    if (!search(s.edges, s.edges, s.edge_edge) || !search(s.vertices, s.triangles, s.vertex_triangle) ||
-        !search(s.points, s.points, s.point_point) || !search(s.points, s.free_edges, s.point_edge))
+    const Search<1> of_triangles(s.vertices, s.triangles, s.scene, s.ends, reach);
+    if (!edges(s.edges, s.edges, s.edge_edge) || !of_triangles.run(&s.vertex_triangle, used) ||
+        !edges(s.points, s.points, s.point_point) || !edges(s.points, s.free_edges, s.point_edge))
         return kOutOfMemory;
     counts[0] = s.edge_edge.total() + s.point_point.total() + s.point_edge.total();
     counts[1] = s.vertex_triangle.total();
@@ -242,11 +243,12 @@ int yasps_surface_find(void* surface, const double* start, const double* end, lo
 }
 
 // Copies the pairs last found: int [counts[k], 4] each.
-void yasps_surface_pairs(const void* surface, int* edge_edge, int* vertex_triangle) {
+void yasps_surface_pairs(const void* surface, int* edge_edge, int* vertex_triangle, int threads) {
     const Surface& s = *static_cast<const Surface*>(surface);
+    const int used = std::min(threads, kMostThreads);
     Row* to = reinterpret_cast<Row*>(edge_edge);
     for (const ChunkLists<Row>* const found : {&s.edge_edge, &s.point_point, &s.point_edge})
-        found->copy(to), to += found->total();
-    s.vertex_triangle.copy(reinterpret_cast<Row*>(vertex_triangle));
+        found->copy(to, used), to += found->total();
+    s.vertex_triangle.copy(reinterpret_cast<Row*>(vertex_triangle), used);
 }
 }

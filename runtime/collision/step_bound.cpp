@@ -16,12 +16,10 @@
 namespace yasps {
 namespace {
 
-constexpr long kChunk = 1024;
 constexpr long kFirstRound = 32;
 
 struct StepBound {
-    Motion motion;
-    Buffer<int> numbers;
+    FreeWays free_ways;
     ChunkLists<Suspect> found;
     Buffer<Suspect> suspects;
     Buffer<double> bounds;  // of the pairs of one round
@@ -51,17 +49,12 @@ struct StepBound {
     }
 
     // False: out of memory.
-    template <int kSplit>
-    bool find(const Point* from, const Point* to, const Point* rest, const Thickness& thickness, const int* rows,
-              long count, int threads, double* step) {
-        const long chunks = (count + kChunk - 1) / kChunk;
-        const bool fine = found.run(chunks, threads, [&](long chunk, List<Suspect>& list) {
-            const long begin = chunk * kChunk, end = std::min(count, begin + kChunk);
-            return motion.look<kSplit>(rows, numbers.data + begin, end - begin, &list);
-        });
+    bool find(int split, const Point* from, const Point* to, const Point* rest, const Thickness& thickness,
+              double touching, const int* rows, long count, int threads, double* step) {
+        const bool fine = free_ways.find(split, rows, count, threads, &found);
         const long total = found.total();
         if (!fine || !suspects.reserve(total) || !bounds.reserve(total)) return false;
-        found.copy(suspects.data);
+        found.copy(suspects.data, threads);
         std::sort(suspects.data, suspects.data + total, [](const Suspect& a, const Suspect& b) {
             return a.free_until < b.free_until || (a.free_until == b.free_until && a.number < b.number);
         });
@@ -74,8 +67,7 @@ struct StepBound {
             if (end == begin) break;
 #pragma omp parallel for num_threads(threads) schedule(dynamic, 8) if (threads > 1 && end - begin > kFirstRound)
             for (long k = begin; k < end; ++k)
-                bounds[k] = of_pair(rows + 4L * suspects[k].number, kSplit, from, to, rest, thickness, motion.touching,
-                                    latest);
+                bounds[k] = of_pair(rows + 4L * suspects[k].number, split, from, to, rest, thickness, touching, latest);
             for (long k = begin; k < end; ++k) *step = std::min(*step, bounds[k]);
         }
         return true;
@@ -104,14 +96,11 @@ int yasps_step_bound(void* memory, const double* start, const double* end, long 
     const Point* const x0 = reinterpret_cast<const Point*>(rest);
     const Thickness thickness = {radii, objects, reach};
     const int used = std::min(threads, kMostThreads);
-    const long most = std::max(edge_count, triangle_count);
-    if (!bound.numbers.reserve(most) || !bound.motion.take(from, to, radii, vertices, touching, used))
-        return kOutOfMemory;
-    for (long k = 0; k < most; ++k) bound.numbers[k] = static_cast<int>(k);
+    if (!bound.free_ways.take(from, to, radii, vertices, touching, used)) return kOutOfMemory;
     *step = 1;
-    if (!bound.find<2>(from, to, x0, thickness, edge_edge, edge_count, used, step) ||
-        (*step >= 0 && !bound.find<1>(from, to, x0, thickness, vertex_triangle, triangle_count, used, step)))
-        return kOutOfMemory;
-    return kOk;
+    const auto look_at = [&](int split, const int* pairs, long count) {
+        return *step < 0 || bound.find(split, from, to, x0, thickness, touching, pairs, count, used, step);
+    };
+    return look_at(2, edge_edge, edge_count) && look_at(1, vertex_triangle, triangle_count) ? kOk : kOutOfMemory;
 }
 }

@@ -169,7 +169,9 @@ class Surface(Uncopied):
         )
         check_status(status)
         pairs = SurfacePairs(np.empty((counts[0], 4), np.int32), np.empty((counts[1], 4), np.int32))
-        library.yasps_surface_pairs(self._handle, pairs.edge_edge.ctypes.data, pairs.vertex_triangle.ctypes.data)
+        library.yasps_surface_pairs(
+            self._handle, pairs.edge_edge.ctypes.data, pairs.vertex_triangle.ctypes.data, threads
+        )
         return pairs
 
     def distance_to_way(self, start: FloatArray, end: FloatArray, positions: FloatArray) -> float:
@@ -256,21 +258,22 @@ class Surface(Uncopied):
             count = len(vertices)
             times, gaps, offsets = np.empty(count), np.empty(count), np.empty(count)
             weights, ways = np.empty((count, 4)), np.empty((count, 3))
-            self._runtime.library.yasps_meetings(
+            status = self._runtime.library.yasps_meetings(
                 start.ctypes.data,
                 end.ctypes.data,
+                len(start),
                 rest.ctypes.data,
                 *self._thickness_arguments(),
                 vertices.ctypes.data,
                 count,
                 split,
-                self._runtime.thread_count(None) if count >= _FEW else 1,
+                self._threads_for(pairs),
                 *(one.ctypes.data for one in (times, gaps, offsets, weights, ways)),
             )
+            check_status(status)
             meets = times <= 1
             found.append([one[meets] for one in (vertices, times, gaps, offsets, weights, ways)])
         return Meetings(*(np.concatenate(both) for both in zip(*found, strict=True)))
-
 
     def _thickness_arguments(self) -> tuple[int | None, int | None, float]:
         thick = self.thickness

@@ -106,7 +106,7 @@ _SIGNATURES: dict[str, tuple[type | None, tuple[type, ...]]] = {
     "yasps_surface_new": (_pointer, (_pointer, _pointer, _pointer, _pointer, _pointer, _pointer, _long)),
     "yasps_surface_free": (None, (_pointer,)),
     "yasps_surface_find": (_int, (_pointer, _pointer, _pointer, _long, _double, _int, _pointer, _int)),
-    "yasps_surface_pairs": (None, (_pointer, _pointer, _pointer)),
+    "yasps_surface_pairs": (None, (_pointer, _pointer, _pointer, _int)),
     "yasps_close_set_new": (_pointer, (_pointer, _long, _long, _pointer, _pointer, _double)),
     "yasps_close_set_free": (None, (_pointer,)),
     "yasps_close_set_find": (
@@ -137,9 +137,9 @@ _SIGNATURES: dict[str, tuple[type | None, tuple[type, ...]]] = {
         ),
     ),
     "yasps_meetings": (
-        None,
+        _int,
         (
-            *(_pointer, _pointer, _pointer, _pointer, _pointer, _double, _pointer, _long, _int, _int),
+            *(_pointer, _pointer, _long, _pointer, _pointer, _pointer, _double, _pointer, _long, _int, _int),
             *(_pointer, _pointer, _pointer, _pointer, _pointer),
         ),
     ),
