@@ -80,7 +80,7 @@ struct CloseSet {
     Buffer<CloseEntry> sorted;  // all that was found; of each part the first ones remain
     Buffer<long> bucket_start, next, part_start;
     struct Part {
-        Range left;              // what remains of it, in `sorted`
+        Range left;  // what remains of it, in `sorted`
         long of_kind[kKinds];
     };
     Buffer<Part> parts;
@@ -144,7 +144,8 @@ struct CloseSet {
         return lists.run((count + kChunk - 1) / kChunk, ask.threads, [&](long chunk, List<T>& list) {
             const long begin = chunk * kChunk, end = std::min(count, begin + kChunk);
             int near[kChunk], near_count = 0;
-            for (long k = begin; k < end; k += kPack) near_count = add_near_lanes<kSplit>(ask, rows, k, end, near, near_count);
+            for (long k = begin; k < end; k += kPack)
+                near_count = add_near_lanes<kSplit>(ask, rows, k, end, near, near_count);
             for (int k = 0; k < near_count; k += kPack) {
                 const int lanes = std::min<int>(kPack, near_count - k);
                 if (!take_pack<kSplit>(ask, rows, near + k, lanes, list, take)) return false;
@@ -189,8 +190,8 @@ struct CloseSet {
             const int* const v = rows + 4L * numbers[l];
             Near pair = {v, closest[l], false, 1};
             pair.close = is_close(ask, v, kSplit, closest[l], apart_at_rest >> l & 1, &pair.share, &here);
-            const bool may_count = kSplit == 1 && ask.improved && thickness.any() &&
-                                   thickness.may_be_close(v, closest[l], ask.reach);
+            const bool may_count =
+                kSplit == 1 && ask.improved && thickness.any() && thickness.may_be_close(v, closest[l], ask.reach);
             if ((pair.close || may_count) && !take(pair, list)) return false;
         }
         return true;
@@ -386,8 +387,7 @@ int yasps_close_set_find(void* close_set, const double* positions, const double*
     if (!set.find(ask, edge_edge, edge_count, vertex_triangle, triangle_count)) return kOutOfMemory;
     set.ends_of_kinds(ends);
     Least all = {INFINITY, INFINITY};
-    for (const Least& one : set.least)
-        all = {std::min(all.squared, one.squared), std::min(all.gap, one.gap)};
+    for (const Least& one : set.least) all = {std::min(all.squared, one.squared), std::min(all.gap, one.gap)};
     least[0] = sqrt(all.squared);
     least[1] = set.thickness.any() ? all.gap : least[0];
     return kOk;

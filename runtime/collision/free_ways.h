@@ -22,7 +22,8 @@ class FreeWays {
     // Where vertices start and end, [vertices]; radii: or null; touching: a gap that is nothing. False: out of memory.
     bool take(const Point* start, const Point* end, const double* radii, long vertices, double touching, int threads) {
         touching_ = touching;
-        return at_.take(start, nullptr, radii, vertices, threads) && moves_.take(end, start, nullptr, vertices, threads);
+        return at_.take(start, nullptr, radii, vertices, threads) &&
+               moves_.take(end, start, nullptr, vertices, threads);
     }
 
     // Those of `count` pairs that are not sure to be free, in their order. False: out of memory.

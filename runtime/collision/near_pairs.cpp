@@ -141,7 +141,7 @@ struct Search {
 
     bool finish(const Task& task, Pairs* found) const {
         constexpr long kMany = 512;  // pairs that are still in the cache
-        Task stack[256];  // a step down in one of both trees adds at most two, and no tree is deeper than 32
+        Task stack[256];             // a step down in one of both trees adds at most two, and no tree is deeper than 32
         int height = 0;
         stack[height++] = task;
         long looked_at = found->count;
@@ -172,8 +172,7 @@ struct Search {
             if (task.a.is_leaf() && task.b.is_leaf()) break;  // it has pairs, and no more tasks
             count += step(task, tasks + count, &none);
         }
-        return found->run(count - first, threads,
-                          [&](long k, Pairs& list) { return finish(tasks[first + k], &list); });
+        return found->run(count - first, threads, [&](long k, Pairs& list) { return finish(tasks[first + k], &list); });
     }
 };
 

@@ -37,12 +37,29 @@ struct PairPack {
     }
 };
 
-inline d8 joined(d4 first, d4 second) { return __builtin_shufflevector(first, second, 0, 1, 2, 3, 4, 5, 6, 7); }
-inline Eight eight(d8 v) {
-    static_assert(sizeof(Eight) == sizeof(d8), "eight numbers");
+inline Eight joined(d4 first, d4 second) {
+    static_assert(sizeof(Eight) == 2 * sizeof(d4), "eight numbers");
     Eight to;
-    memcpy(&to, &v, sizeof(to));
+    if constexpr (kRegister == sizeof(Eight)) {
+        const d8 both = __builtin_shufflevector(first, second, 0, 1, 2, 3, 4, 5, 6, 7);
+        memcpy(&to, &both, sizeof(to));
+    } else {
+        memcpy(&to, &first, sizeof(first));
+        memcpy(reinterpret_cast<char*>(&to) + sizeof(first), &second, sizeof(second));
+    }
     return to;
+}
+
+// Four places to their coordinates and radii, of four each.
+inline void transpose(d4* a) {
+    const d4 low = __builtin_shufflevector(a[0], a[1], 0, 4, 2, 6);
+    const d4 high = __builtin_shufflevector(a[0], a[1], 1, 5, 3, 7);
+    const d4 next_low = __builtin_shufflevector(a[2], a[3], 0, 4, 2, 6);
+    const d4 next_high = __builtin_shufflevector(a[2], a[3], 1, 5, 3, 7);
+    a[0] = __builtin_shufflevector(low, next_low, 0, 1, 4, 5);
+    a[1] = __builtin_shufflevector(high, next_high, 0, 1, 4, 5);
+    a[2] = __builtin_shufflevector(low, next_low, 2, 3, 6, 7);
+    a[3] = __builtin_shufflevector(high, next_high, 2, 3, 6, 7);
 }
 
 // The vertices of the pairs rows[4 * numbers[lane]], ..., [4]; lanes beyond `count` have those of the last.
@@ -53,16 +70,15 @@ inline PairPack gather(const Places& places, const int* rows, const int* numbers
     const double* const of = places.of.data;
 #pragma GCC unroll 4
     for (int c = 0; c < 4; ++c) {
-        const auto both = [&](int l) { return joined(load(of + 4L * row[l][c]), load(of + 4L * row[l + 4][c])); };
-        const d8 a = both(0), b = both(1), d = both(2), e = both(3);
-        const d8 low = __builtin_shufflevector(a, b, 0, 8, 2, 10, 4, 12, 6, 14);
-        const d8 high = __builtin_shufflevector(a, b, 1, 9, 3, 11, 5, 13, 7, 15);
-        const d8 next_low = __builtin_shufflevector(d, e, 0, 8, 2, 10, 4, 12, 6, 14);
-        const d8 next_high = __builtin_shufflevector(d, e, 1, 9, 3, 11, 5, 13, 7, 15);
-        pack.p[c].x = eight(__builtin_shufflevector(low, next_low, 0, 1, 8, 9, 4, 5, 12, 13));
-        pack.p[c].y = eight(__builtin_shufflevector(high, next_high, 0, 1, 8, 9, 4, 5, 12, 13));
-        pack.p[c].z = eight(__builtin_shufflevector(low, next_low, 2, 3, 10, 11, 6, 7, 14, 15));
-        pack.radius[c] = eight(__builtin_shufflevector(high, next_high, 2, 3, 10, 11, 6, 7, 14, 15));
+        d4 first[4], second[4];
+#pragma GCC unroll 4
+        for (int l = 0; l < 4; ++l) {
+            first[l] = load(of + 4L * row[l][c]);
+            second[l] = load(of + 4L * row[l + 4][c]);
+        }
+        transpose(first), transpose(second);
+        pack.p[c] = {joined(first[0], second[0]), joined(first[1], second[1]), joined(first[2], second[2])};
+        pack.radius[c] = joined(first[3], second[3]);
     }
     return pack;
 }
@@ -188,8 +204,8 @@ inline ClosestPack closest_of_edges(const PointPack* p) {
         const Eight along = dot(edge, offset);
         const auto begun = less(zero, along), ended = ~less(along, length), between = begun & ~ended;
         const PointPack foot = offset - (along * per_length) * edge;
-        const Eight squared = select(
-            begun, select(between, square(cross(offset, edge)) * per_length, square(behind)), square(offset));
+        const Eight squared =
+            select(begun, select(between, square(cross(offset, edge)) * per_length, square(behind)), square(offset));
         const Eight feature = select(begun, select(between, two, one), zero);
         const PointPack back = select(begun, select(between, foot, behind), offset);
         const PointPack none = {zero, zero, zero};

@@ -17,7 +17,7 @@ from yasps.runtime.core.library import BoolArray, FloatArray, IntArray, Runtime,
 from yasps.runtime.core.uncopied import Uncopied
 
 KINDS = 7
-"""Kinds of close pairs, in the order of `Kind` in close_pairs.cpp."""
+"""Kinds of close pairs, in the order of `Kind` in close_entry.h."""
 _SEARCHES_PER_ORDER = 16
 """How many searches use one order of the trees: a better one costs as much as a few searches in a bad one."""
 _FEW = 256
