@@ -59,8 +59,7 @@ def _prove(derivative: DerivativeOp) -> None:
         b = MatBuilder(Block())
         seen = b.concat_rows([b.reshape(value, (1, 3)) for value in cut])
         for op in list(b.body.ops):
-            op.detach()
-            block.insert_op_before(op, projection)
+            block.insert_op_before(b.body.detach_op(op), projection)
         why = "in the plane of two vectors and across it: isotropic in them"
     else:
         return

@@ -73,7 +73,7 @@ def test_agrees_with_the_interpreter(
 
 @pytest.mark.parametrize("projection", ["clamp", "abs"])
 def test_two_vectors(projection: str, agrees_with_interpreter: Check) -> None:
-    """Cloth, which is isotropic in the images of warp and weft: stretched, sheared and compressed, and flat to a line."""
+    """Cloth, which is isotropic in the images of warp and weft: at random, and then flat to a line."""
     scene = elements(cloth, 130, 0.4, 2, projection)
     agrees_with_interpreter(scene)
     scene.m.v["x"].update_value(scene.m.v["x"].value.reshape(-1, 3) * np.array([3.0, 0.0, 0.0]))
