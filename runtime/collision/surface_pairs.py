@@ -22,6 +22,8 @@ _SEARCHES_PER_ORDER = 16
 """How many searches use one order of the trees: a better one costs as much as a few searches in a bad one."""
 _FEW = 256
 """Surfaces with fewer vertices are searched before a second thread has woken up."""
+MOST_PAIRS = (2**31 - 1) // 7
+"""Close pairs are numbered with 31 bits, and with improved max a vertex and a triangle may add seven of them."""
 
 
 @dataclass(frozen=True)
@@ -163,6 +165,7 @@ class Surface(Uncopied):
             self._handle, start.ctypes.data, end.ctypes.data, reach, int(sort), counts, threads
         )
         check_status(status)
+        check_pair_count(sum(counts))
         pairs = SurfacePairs(np.empty((counts[0], 4), np.int32), np.empty((counts[1], 4), np.int32))
         library.yasps_surface_pairs(self._handle, pairs.edge_edge.ctypes.data, pairs.vertex_triangle.ctypes.data)
         return pairs
@@ -260,6 +263,15 @@ class Surface(Uncopied):
             meets = times <= 1
             found.append([one[meets] for one in (vertices, times, gaps, offsets, weights, ways)])
         return Meetings(*(np.concatenate(both) for both in zip(*found, strict=True)))
+
+
+def check_pair_count(count: int) -> None:
+    """Raises MemoryError if the pairs that may come close are more than can be numbered."""
+    if count > MOST_PAIRS:
+        raise MemoryError(
+            f"{count} pairs of surface pieces may come close, but at most {MOST_PAIRS} are numbered: is the activation"
+            " distance much larger than the edges of the surfaces, or do bodies move very far in a step?"
+        )
 
 
 def _addresses(pairs: SurfacePairs) -> tuple[int, int, int, int]:

@@ -34,7 +34,7 @@ inline d4 load_unaligned(const double* p) { return *reinterpret_cast<const d4_un
 inline void store(double* p, d4 v) { *reinterpret_cast<d4*>(p) = v; }
 inline double sum_of(d4 v) { return (v[0] + v[1]) + (v[2] + v[3]); }
 
-enum Status { kOk = 0, kOutOfMemory = 1, kBadSlot = 2, kTooManyBlocks = 3 };
+enum Status { kOk = 0, kOutOfMemory = 1, kBadSlot = 2 };
 
 // Memory that only grows and is reused between calls: aligned to a cache line, uninitialised.
 template <class T>
@@ -160,7 +160,8 @@ struct Structure {
 
     // Scratch of the build, kept for the next one if there soon is one.
     Layout next_layout;
-    Buffer<int> active, counts, unique, unique_count, marker;
+    Buffer<int> active, unique, unique_count, marker;
+    Buffer<uint32_t> counts;  // local blocks of all energies together are fewer than 2^32
     Buffer<long> bucket_start, next_entry, place;
     Buffer<Share> shares;  // [active rows, classes]
     Buffer<Entry> entries;
