@@ -26,17 +26,26 @@ from benchmarks import (
     mat_twist,
     memory,
     opcounts,
+    paper_compile,
+    paper_products,
+    paper_projection,
+    paper_scenes,
+    paper_structure,
     parts,
     projection,
+    replicated,
+    scale,
     scene_steps,
     solver,
     spmv,
     symbolic,
+    unions,
 )
 from benchmarks.device_derivatives import run_contacts, run_elements
 from benchmarks.device_systems import run_assembly, run_solver, run_spmv
 from benchmarks.measure import Report, Settings, show, write_json
 from benchmarks.on_device import open_gpu
+from benchmarks.plots import draw
 from yasps import NoDeviceError
 from yasps.runtime.build.cuda.nvcc import CudaNotFoundError
 from yasps.runtime.core.library import available_processors
@@ -69,11 +78,13 @@ ON_DEVICE = {
     "scene": OnDevice(scene_steps.DEFAULT_SIZE, scene_steps.run_on_device),
     "solver": OnDevice(300_000, run_solver),
 }
+PLOTS = Path("output/benchmarks")
 BENCHMARKS = {
     "elements": Benchmark(elements.DESCRIPTION, elements.DEFAULT_SIZE, elements.run, takes_mesh=True),
     "cloth": Benchmark(cloth.DESCRIPTION, cloth.DEFAULT_SIZE, cloth.run),
     "contacts": Benchmark(contacts.DESCRIPTION, contacts.DEFAULT_SIZE, contacts.run),
     "collision": Benchmark(collision.DESCRIPTION, collision.DEFAULT_SIZE, collision.run),
+    "unions": Benchmark(unions.DESCRIPTION, unions.DEFAULT_SIZE, unions.run),
     "parts": Benchmark(parts.DESCRIPTION, parts.DEFAULT_SIZE, parts.run),
     "friction": Benchmark(friction.DESCRIPTION, friction.DEFAULT_SIZE, friction.run),
     "assembly": Benchmark(assembly.DESCRIPTION, assembly.DEFAULT_SIZE, assembly.run, takes_mesh=True),
@@ -83,6 +94,7 @@ BENCHMARKS = {
     "scene": Benchmark(scene_steps.DESCRIPTION, scene_steps.DEFAULT_SIZE, scene_steps.run, takes_mesh=True),
     "mat_twist": Benchmark(mat_twist.DESCRIPTION, mat_twist.DEFAULT_SIZE, mat_twist.run),
     "solver": Benchmark(solver.DESCRIPTION, solver.DEFAULT_SIZE, solver.run),
+    "scale": Benchmark(scale.DESCRIPTION, scale.DEFAULT_SIZE, scale.run),
     "memory": Benchmark(memory.DESCRIPTION, memory.DEFAULT_SIZE, memory.run),
     "compile": Benchmark(compile_times.DESCRIPTION, compile_times.DEFAULT_SIZE, compile_times.run),
     "compile_growth": Benchmark(compile_growth.DESCRIPTION, compile_growth.DEFAULT_SIZE, compile_growth.run),
@@ -90,6 +102,20 @@ BENCHMARKS = {
     "symbolic": Benchmark(symbolic.DESCRIPTION, 1, symbolic.run),
     "codegrowth": Benchmark(codegrowth.DESCRIPTION, 1, codegrowth.run),
     "loc": Benchmark(lines_of_code.DESCRIPTION, 1, lines_of_code.run),
+    "figure_23": Benchmark(paper_projection.DESCRIPTION_23, paper_projection.SIZE_23, paper_projection.run_figure_23),
+    "figure_24": Benchmark(paper_projection.DESCRIPTION_24, paper_projection.SIZE_24, paper_projection.run_figure_24),
+    "figure_25": Benchmark(replicated.DESCRIPTION, replicated.DEFAULT_SIZE, replicated.run),
+    "figure_27": Benchmark(
+        paper_structure.DESCRIPTION, paper_structure.DEFAULT_SIZE, paper_structure.run, takes_mesh=True
+    ),
+    "figure_28": Benchmark(paper_compile.DESCRIPTION, paper_compile.DEFAULT_SIZE, paper_compile.run),
+    "figure_30": Benchmark(
+        paper_products.DESCRIPTION, paper_products.DEFAULT_SIZE, paper_products.run, takes_mesh=True
+    ),
+    "table_1": Benchmark(paper_scenes.DESCRIPTION_1, paper_scenes.SIZE_1, paper_scenes.run_table_1, takes_mesh=True),
+    "table_2": Benchmark(paper_scenes.DESCRIPTION_2, paper_scenes.SIZE_2, paper_scenes.run_table_2),
+    "table_3": Benchmark(paper_scenes.DESCRIPTION_3, paper_scenes.SIZE_3, paper_scenes.run_table_3, takes_mesh=True),
+    "table_6": Benchmark(paper_scenes.DESCRIPTION_6, paper_scenes.SIZE_6, paper_scenes.run_table_6, takes_mesh=True),
 }
 
 
@@ -133,6 +159,14 @@ def main(arguments: Sequence[str] | None = None, open_device: Callable[[str], De
     show(f"{options.name}: {benchmark.description}", report, console)
     if options.json is not None:
         write_json(options.json, report.rows)
+    if report.plots:
+        try:
+            written = draw(report.plots, options.plots)
+        except ImportError as error:
+            console.print(f"No pictures: {error}; to have them: pip install matplotlib", markup=False, highlight=False)
+        else:
+            for path in written:
+                console.print(f"picture: {path}", markup=False, highlight=False, soft_wrap=True)
     return 0
 
 
@@ -141,6 +175,13 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("name", nargs="?", choices=list(BENCHMARKS), help="which benchmark to run")
     parser.add_argument("--device", type=_device, default="cpu", metavar="D", help="cpu (default), cuda or cuda:N")
     parser.add_argument("--json", type=Path, metavar="FILE", help="also write the rows to this file")
+    parser.add_argument(
+        "--plots",
+        type=Path,
+        metavar="FOLDER",
+        default=PLOTS,
+        help=f"where pictures go, if there are any ({PLOTS})",
+    )
     parser.add_argument("--mesh", type=Path, metavar="FILE", help="tetrahedral mesh, for benchmarks over one")
     parser.add_argument("--size", type=_positive, metavar="N", help="number of elements, about (see each benchmark)")
     parser.add_argument("--repeats", type=_positive, metavar="R", default=9, help="timed rounds (default: 9)")

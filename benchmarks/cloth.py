@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from benchmarks.element_problem import Elements, cloth_hinges, cloth_triangles
+from benchmarks.element_problem import NOISY, Elements, cloth_hinges, cloth_triangles
 from benchmarks.element_rows import WHAT_ROWS_HOLD, make_contest
 from benchmarks.elements import about
 from benchmarks.kernel_problem import FLOOR_NOTES, Machine, floor_rows, measure_machine
@@ -11,7 +11,7 @@ from yasps.runtime.build.toolchain import find_compiler
 
 DESCRIPTION = "gradient and Hessian of Baraff-Witkin triangles and hinges; peers JAX, PyTorch, the machine's floor"
 DEFAULT_SIZE = 80_000
-NOISE = (0.0, 0.2)  # in cells; with noise nearly all elements need projection
+NOISE = (0.0, NOISY)  # in cells
 JAX_ELEMENTS = 10_000
 
 

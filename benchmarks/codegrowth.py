@@ -46,6 +46,13 @@ def free(mesh: Mesh, random: np.random.Generator) -> tuple[Primitive, list[Attri
     return vertices, [vertices.add_attribute("position", 3, 1, value=random.random((VERTICES, 3)))]
 
 
+def fixed(mesh: Mesh, random: np.random.Generator) -> tuple[Primitive, list[Attribute]]:
+    """Vertices that stay where they are."""
+    vertices = mesh.add_primitive("vertices", VERTICES)
+    vertices.add_constant("position", 3, 1, value=random.random((VERTICES, 3)))
+    return vertices, []
+
+
 def affine(mesh: Mesh, random: np.random.Generator) -> tuple[Primitive, list[Attribute]]:
     """Vertices A r + t of one affine body."""
     body, vertices = mesh.add_primitive("body", 1), mesh.add_primitive("vertices", VERTICES)

@@ -135,7 +135,9 @@ def _spmv_peers(
 ) -> tuple[list[Peer], list[str]]:
     iteration = f"{case.name}, one iteration"
     pcg = PcgSolver(runtime)
-    solve = partial(pcg.solve, [case.reordered], case.x, SolveOptions(0.0, ITERATIONS), threads=threads)
+    solve = partial(
+        pcg.solve, [case.reordered], case.x, SolveOptions(0.0, ITERATIONS, preconditioner="jacobi"), threads=threads
+    )
     peers = [
         product_peer(case, "yasps", threads, partial(case.reordered.multiply, threads=threads)),
         Peer(iteration, "yasps", threads, solve, 1e3 / ITERATIONS, MS),

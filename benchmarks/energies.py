@@ -28,10 +28,12 @@ class Energy:
     constants: Shapes
     expression: Callable[[Values], Attribute]
 
-    def numbers(self, seed: int = 0) -> Numbers:
-        """Random values at which everything is regular."""
+    def numbers(self, seed: int = 0, count: int | None = None) -> Numbers:
+        """Random values at which everything is regular, [rows, cols] each, or [count, rows, cols] of many elements."""
         random = np.random.default_rng(seed)
-        return {name: random.uniform(0.5, 1.5, shape) for name, shape in (self.variables | self.constants).items()}
+        many = () if count is None else (count,)
+        shapes = self.variables | self.constants
+        return {name: random.uniform(0.5, 1.5, (*many, *shape)) for name, shape in shapes.items()}
 
     def scene(self, numbers: Numbers, projection: str = "clamp") -> Scene:
         """A scene of one element with this energy."""

@@ -14,8 +14,9 @@ from types import MappingProxyType
 from typing import Final, NamedTuple
 
 from benchmarks.measure import Report, Row, Settings
+from benchmarks.plots import Bars
 
-DESCRIPTION = "lines of code of the scenes 9.1 to 9.3, with the kit and by hand, and what each adds to the one before"
+DESCRIPTION = "the paper's figure 19: lines of code of 9.1 to 9.3, with the kit and by hand, and what each adds"
 EXAMPLES: Final = Path(__file__).parent.parent / "examples"
 SCENES: Final[Mapping[str, str]] = MappingProxyType(
     {"9.1": "cloths_on_bunny", "9.2": "many_bunnies_on_cloth", "9.3": "caged_bunny"}
@@ -119,4 +120,9 @@ def run(settings: Settings) -> Report:
                 new = float(len(added_lines(scene, by_hand=by_hand)))
                 rows.append(Row(f"{scene}, added", which, 1, new, "lines"))
     rows += [Row(f"{scene}, added", "the paper", 1, float(count), "lines") for scene, count in PAPER.items()]
-    return Report(rows, list(NOTES))
+    value = {(row.case, row.implementation): row.value for row in rows}
+    ways = [(scene, which) for which in ("with the kit", "by hand") for scene in SCENES]
+    parts = {part: [value[f"{scene}, {part}", which] for scene, which in ways] for part in PARTS}
+    labels = [f"{scene} {which}" for scene, which in ways]
+    plot = Bars("figure_19", "Lines of code; by hand, of the scene's own file", "lines", labels, parts, stacked=True)
+    return Report(rows, list(NOTES), [plot])

@@ -12,6 +12,8 @@ from pathlib import Path
 from rich.console import Console
 from rich.table import Table
 
+from benchmarks.plots import Plot
+
 
 @dataclass(frozen=True)
 class Settings:
@@ -41,10 +43,11 @@ class Row:
 
 @dataclass(frozen=True)
 class Report:
-    """What a benchmark found, and what a reader must know to read it."""
+    """What a benchmark found, what a reader must know to read it, and pictures of it."""
 
     rows: list[Row]
     notes: list[str]
+    plots: Sequence[Plot] = ()
 
 
 @dataclass(frozen=True)

@@ -81,17 +81,15 @@ def measure_here(kind: str, size: int, threads: int) -> Measurement:
     del first
     compiled = KINDS[kind](size, threads).compile()
     compiled.bind()
-    gc.collect()
-    _give_back()
-    _reset_peak()
-    before = _status("VmRSS")
+    reset_peak()
+    before = current_bytes()
     compiled.update_structure()
-    structure = _status("VmHWM") - before
+    structure = peak_bytes() - before
     gradient = compiled.assemble()
-    assembly = _status("VmHWM") - before
+    assembly = peak_bytes() - before
     # As far as it gets: without inertia the matrix is singular.
     compiled.solve_linear(gradient, SolveOptions(0.0, 3))
-    solver = _status("VmHWM") - before
+    solver = peak_bytes() - before
     (term,) = compiled._terms
     placement = compiled.placements[term.symbol]
     matrix = compiled.static_matrix
@@ -107,26 +105,37 @@ def measure_here(kind: str, size: int, threads: int) -> Measurement:
     )
 
 
-def _status(name: str) -> int:
-    """Bytes of this entry of the process' status."""
-    for line in STATUS.read_text(encoding="ascii").splitlines():
-        if line.startswith(f"{name}:"):
-            return 1024 * int(line.split()[1])
-    raise UnsupportedSystemError(f"{STATUS} has no {name}")
+def current_bytes() -> int:
+    """Resident memory of this process. Raises UnsupportedSystemError."""
+    return _status("VmRSS")
 
 
-def _give_back() -> None:
-    """Returns to the system what was freed, or it would serve what is measured. GNU's C library keeps it."""
+def peak_bytes() -> int:
+    """The most that was resident since `reset_peak`. Raises UnsupportedSystemError."""
+    return _status("VmHWM")
+
+
+def reset_peak() -> None:
+    """Gives freed memory back to the system and lets its high-water mark begin anew. Raises UnsupportedSystemError."""
+    gc.collect()
+    # Or freed memory would serve what is measured: GNU's C library keeps it.
     library = ctypes.CDLL(None)
     if hasattr(library, "malloc_trim"):
         library.malloc_trim(0)
-
-
-def _reset_peak() -> None:
     try:
         CLEAR_PEAK.write_text("5", encoding="ascii")
     except OSError as error:
         raise UnsupportedSystemError(f"the peak memory cannot be reset here: {error}") from error
+
+
+def _status(name: str) -> int:
+    """Bytes of this entry of the process' status."""
+    if not STATUS.exists():
+        raise UnsupportedSystemError(f"there is no {STATUS}: this benchmark needs Linux")
+    for line in STATUS.read_text(encoding="ascii").splitlines():
+        if line.startswith(f"{name}:"):
+            return 1024 * int(line.split()[1])
+    raise UnsupportedSystemError(f"{STATUS} has no {name}")
 
 
 def measure_apart(kind: str, size: int, threads: int) -> Measurement:

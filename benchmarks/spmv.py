@@ -141,7 +141,9 @@ def _yasps(runtime: Runtime, case: Case, threads: list[int]) -> list[Peer]:
         for count in threads:
             check_product(name, matrix.multiply(case.x, count), case)
             peers.append(product_peer(case, name, count, partial(matrix.multiply, threads=count)))
-            solve = partial(solver.solve, [matrix], case.x, SolveOptions(0.0, ITERATIONS), threads=count)
+            solve = partial(
+                solver.solve, [matrix], case.x, SolveOptions(0.0, ITERATIONS, preconditioner="jacobi"), threads=count
+            )
             peers.append(Peer(f"{case.name}, one iteration", name, count, solve, 1e3 / ITERATIONS, UNIT))
     (group,) = case.plain.groups
     find = partial(bandwidth_reducing_order, group.rows // 3, group.cols // 3, case.plain.size // 3)

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import ctypes
 import sysconfig
+from collections.abc import Sequence
 from dataclasses import dataclass
 from importlib import import_module
 from pathlib import Path
@@ -136,7 +137,7 @@ def sympy_tets(elements: Elements, compiler: Compiler) -> SympyTets:
     """Derives, writes and compiles. Raises ImportError without SymPy or Eigen."""
     eigen = eigen_folder()
     sympy: Any = import_module("sympy")
-    source = Source("benchmark.sympy_tets", _text(sympy))
+    source = Source("benchmark.sympy_tets", _text())
     objects = compile_sources([source], compiler.with_flags(f"-I{eigen}", "-DNDEBUG"))
     function = ctypes.CDLL(str(link(objects, compiler, ("-lm",)).path)).sympy_tets
     pointer, number = ctypes.c_void_p, ctypes.c_double
@@ -166,10 +167,9 @@ def _power(base: str, exponent: str) -> str:
     return f"({product})" if int(exponent) > 0 else f"(1.0/({product}))"
 
 
-def _text(sympy: Any) -> str:
-    """The C++ file."""
-    replacements, reduced = import_module("benchmarks.sympy_energies").derivatives("stable Neo-Hookean, F")
-    # Small powers as products: pow() would be far slower.
+def statements(replacements: Sequence[tuple[Any, Any]], reduced: Sequence[Any]) -> list[str]:
+    """What `cse` gives, in C: temporaries, then out[0], out[1], ... Small powers are products: pow() is far slower."""
+    sympy: Any = import_module("sympy")
     powers = [
         (lambda base, exponent: exponent.is_Integer and 1 <= abs(exponent) <= 4, _power),
         (lambda base, exponent: exponent == sympy.Rational(1, 2), lambda base, exponent: f"sqrt({base})"),
@@ -177,7 +177,13 @@ def _text(sympy: Any) -> str:
     ]
     printer = {"user_functions": {"Pow": powers}}
     lines = [f"    const double {s} = {sympy.ccode(e, **printer)};" for s, e in replacements]
-    lines += [f"    out[{k}] = {sympy.ccode(e, **printer)};" for k, e in enumerate(reduced)]
+    return lines + [f"    out[{k}] = {sympy.ccode(e, **printer)};" for k, e in enumerate(reduced)]
+
+
+def _text() -> str:
+    """The C++ file."""
+    replacements, reduced = import_module("benchmarks.sympy_energies").derivatives("stable Neo-Hookean, F")
+    lines = statements(replacements, reduced)
     names = [f"    const double f_{i}_{j} = f[{3 * i + j}];" for i in range(3) for j in range(3)]
     names += [f"    const double {name}_0_0 = {name};" for name in ("mu", "lam", "volume")]
     return _TEMPLATE.replace("@NAMES@", "\n".join(names)).replace("@BODY@", "\n".join(lines))

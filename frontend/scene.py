@@ -67,6 +67,7 @@ class _SolveOptions(TypedDict, total=False):
     solver: str
     projection: str
     history: bool
+    preconditioner: str
     fixed: Mapping[Attribute, ArrayLike] | None
 
 
@@ -285,17 +286,25 @@ class Scene(SceneNames, Entity):
         *,
         solver: str = "pcg",
         projection: str = "always",
+        preconditioner: str = "auto",
         fixed: Mapping[Attribute, ArrayLike] | None = None,
     ) -> list[FloatArray]:
         """x of H x = g, one flat array for each target (paper, 4.8); the Newton step is the *negative*: -x.
 
-        g is the gradient of all energies, H their projected Hessian. tolerance: relative, on the squared preconditioned
-        norm of the residual, r^T M^-1 r <= tolerance g^T M^-1 g. solver, projection, fixed: see `solve`.
+        g is the gradient of all energies, H their projected Hessian. tolerance: relative, on the squared norm of the
+        residual, r^T D^-1 r <= tolerance g^T D^-1 g with H's diagonal blocks D. The rest: see `solve`.
 
         Raises NotConvergedError if the solver stops before that, NotFiniteError, SceneError without energies or
         targets, DataError or ConnectivityError for numbers that don't fit a dynamic primitive's size or bad arguments.
         """
-        solution = self.solve(tolerance, max_iterations, solver=solver, projection=projection, fixed=fixed)
+        solution = self.solve(
+            tolerance,
+            max_iterations,
+            solver=solver,
+            projection=projection,
+            preconditioner=preconditioner,
+            fixed=fixed,
+        )
         report = solution.report
         if report.converged:
             return solution.directions
@@ -319,6 +328,7 @@ class Scene(SceneNames, Entity):
         solver: str = "pcg",
         projection: str = "always",
         history: bool = False,
+        preconditioner: str = "auto",
         fixed: Mapping[Attribute, ArrayLike] | None = None,
     ) -> Solution:
         """As `minimize_energy`, with gradient and solver's report, and without raising when it did not converge.
@@ -327,10 +337,18 @@ class Scene(SceneNames, Entity):
         iterations for; "auto", the one that did better (see `LinearSolver`). projection: "always", or "on-demand",
         which removes negative eigenvalues only if the exact Hessian turns out not to be positive definite (see
         `solve_newton_system`). history: keep the residual of every iteration of conjugate gradients in the report.
+        preconditioner: of conjugate gradients, "jacobi", "two-level" or "auto" (see `PcgSolver`).
         fixed: target -> which of its instances stay as they are, bool [instances]: gradient and x are 0 there, and the
         system is that of the others. Nothing is compiled for it. Raises SceneError for what is no target, DataError.
         """
-        options = solve_options(tolerance, max_iterations, solver=solver, projection=projection, history=history)
+        options = solve_options(
+            tolerance,
+            max_iterations,
+            solver=solver,
+            projection=projection,
+            history=history,
+            preconditioner=preconditioner,
+        )
         compiled = self.compile()
         solved = solve_newton_system(compiled, options, fixed=compiled.unknowns_of(fixed) if fixed else None)
         return Solution(compiled.split(solved.x), compiled.split(solved.gradient), solved.report)

@@ -295,10 +295,11 @@ class ExpandingText(ObjectText):
         lines: list[str] = []
         for same in ranges_of(local.slots):
             size = same.slot.size
-            if same.slot.is_target:
-                lines += [
-                    self.add_to_target(local, same.leaf + k, same.entry + k * size, size) for k in range(same.count)
-                ]
+            if same.slot.is_direct:
+                for k in range(same.count):
+                    leaf = same.leaf + k
+                    add = self.add_to_target(local, leaf, same.entry + k * size, size)
+                    lines.append(add if same.slot.is_target else f"if (kappa[{leaf}]) {add}")
             elif same.slot.rows:
                 self.begin_with("backend/codegen/preludes/expand.h")
                 lines += each(same, expanded, scope=True)

@@ -79,9 +79,10 @@ class ObjectEmitter(ABC):
         """By the symbol of the definition."""
 
     def emit_all(self) -> list[ObjectCode]:
-        """The code of all objects."""
-        for name in self.scene.objects:
-            self.code_of(name)
+        """The code of all objects that are run over all instances, and of those that they call."""
+        for name, container in self.scene.objects.items():
+            if any(entry.data == "batch" for entry in container.entries):
+                self.code_of(name)
         return list(self.codes.values())
 
     def code_of(self, name: str) -> ObjectCode:
@@ -178,8 +179,23 @@ class ObjectText(ABC):
         if source in self.scene.storages:
             pointer = self.bind("storage", source)
             return f"for (long e = 0; e < {size}; ++e) {out}[e] = {pointer}[{index} * {size} + e];"
+        if self.scene.is_stored(source):
+            row = f"const double* const row = {self.stored_row(source, index)};"
+            return f"{{ {row} for (long e = 0; e < {size}; ++e) {out}[e] = row[e]; }}"
         function, arguments = self.callee(source, "value")
         return f"{function}({arguments}, {index}, {out});"
+
+    def stored_row(self, source: str, index: str) -> str:
+        """Expression for where the numbers of a storage, or UNION of storages, are at an instance."""
+        if source in self.scene.storages:
+            return f"{self.bind('storage', source)} + {index} * {self.scene.size(source)}"
+        offsets = self.bind("offsets", name_of(self.scene.attributes[source].owner))
+        *members, last = [
+            self.stored_row(member, f"({index} - {offsets}[{k}])" if k else index)
+            for k, member in enumerate(self.scene.union_members(source))
+        ]
+        chosen = [f"{index} < {offsets}[{k}] ? {row} : " for k, row in enumerate(members, start=1)]
+        return f"({''.join(chosen)}{last})"
 
     def read(self, op: ReadOp, out: str, scalar: str) -> list[str]:
         """Statements that write a boundary read on instance i to `out`."""

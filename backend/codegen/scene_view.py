@@ -51,6 +51,8 @@ class Slot:
     """Most blocks of the global gradient behind it."""
     is_target: bool
     """Is the source a target itself, so that its entries are those of the gradient?"""
+    is_direct: bool
+    """Is it, at each instance, a target or constant? Then its entries are those of the gradient or go nowhere."""
     reduction: str | None = None
     """ "sum" or "mean" over a variable number of connected instances, at most `arity`."""
 
@@ -135,6 +137,21 @@ class SceneView:
             return True
         return self.is_union(name) and any(self.reaches_target(member) for member in self.union_members(name))
 
+    def is_direct(self, name: str) -> bool:
+        """Is each instance of this source a target itself, or free of targets? Its placement index is then one number,
+        0 where there is no target, and there is nothing to pull back."""
+        if name in self.targets:
+            return True
+        return self.is_union(name) and all(
+            self.is_direct(member) or not self.reaches_target(member) for member in self.union_members(name)
+        )
+
+    def is_stored(self, name: str) -> bool:
+        """Are its numbers stored as they are: those of a storage, or of the storages a UNION unites?"""
+        if name in self.storages:
+            return True
+        return self.is_union(name) and all(map(self.is_stored, self.union_members(name)))
+
     def is_curved(self, name: str) -> bool:
         """Is the source, or one behind it, nonlinear in the targets?"""
         if name in self.curvatures:
@@ -174,7 +191,11 @@ class SceneView:
             if read.reduction is not None:
                 one = self._slot(source, connectivity, arity, 0)
                 rows, capacity = arity * one.rows, arity * one.capacity
-                return [replace(one, rows=rows, capacity=capacity, is_target=False, reduction=read.reduction)]
+                return [
+                    replace(
+                        one, rows=rows, capacity=capacity, is_target=False, is_direct=False, reduction=read.reduction
+                    )
+                ]
             return [self._slot(source, connectivity, arity, position) for position in range(arity)]
         if isinstance(read, RefOp):
             return [self._slot(name_of(read.attribute), None, 1, 0)]
@@ -191,6 +212,7 @@ class SceneView:
             self.expanded_rows(source),
             self.capacity(source),
             source in self.targets,
+            self.is_direct(source),
         )
 
     def wrt(self, op: DerivativeOp | JacobianOp) -> list[ReadOp]:

@@ -86,7 +86,7 @@ def in_lanes(local: LocalDerivative, lines: Sequence[str]) -> list[str]:
 
 
 def expand_hessian(text: CppObjectText, local: LocalDerivative, packed: str) -> list[str]:
-    """Statements that add all blocks of one pack but those between two targets; see scatter_hessian."""
+    """Statements that add all blocks of one pack but those of two direct slots; see scatter_hessian."""
     slots, kappa_at = local.slots, starts([slot.capacity for slot in local.slots])
 
     def add(s: int, t: int) -> str:
@@ -94,7 +94,7 @@ def expand_hessian(text: CppObjectText, local: LocalDerivative, packed: str) -> 
         return f"add_expanded(sink, kappa, position, {local.capacity}, {ranges}, block, across);"
 
     def is_wanted(s: int, t: int) -> bool:
-        return not (slots[s].is_target and slots[t].is_target)
+        return not (slots[s].is_direct and slots[t].is_direct)
 
     entries = local.n * (local.n + 1) // 2
     packs = packs_of(entries)

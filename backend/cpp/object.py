@@ -32,6 +32,7 @@ from yasps.dialects.rel import (
     JoinOp,
     ObjectOp,
     ReadOp,
+    RefOp,
     YieldOp,
     name_of,
 )
@@ -81,32 +82,42 @@ class CppObjectText(ExpandingText):
 
     def gather_pack(self) -> list[str]:
         """Gathers 8 instances into the declared arrays; lanes past the end repeat the last one."""
-        lines = ["long at[8];"]
+        lines = ["long of[8];", "const double* at[8];"]
         for k, op in enumerate(self.reads()):
             lines += self.read_pack(op, f"r{k}")
-        return [*lines, "(void)at;"]
+        return [*lines, "(void)of, (void)at;"]
 
     def read_pack(self, op: ReadOp, out: str) -> list[str]:
         """Statements that write a boundary read on the instances first, ... to the packs `out`."""
         if isinstance(op, DataOp):
             storage = self.scene.storages[name_of(op.storage)]
-            size, pointer = self.scene.size(storage.symbol), self.bind("storage", storage.symbol)
             if storage.owner != self.definition.owner:
+                size, pointer = self.scene.size(storage.symbol), self.bind("storage", storage.symbol)
                 return [f"for (long e = 0; e < {size}; ++e) {out}[e] = splat({pointer}[e]);"]
-            return [f"own_offsets(first, lanes, {size}, at);", f"gather({pointer}, at, {size}, {out});"]
-        if isinstance(op, JoinOp) and name_of(op.source) in self.scene.storages and op.reduction is None:
+            return ["own_instances(first, lanes, of);", *self.gather(storage.symbol, out)]
+        if isinstance(op, RefOp) and self.scene.is_stored(name_of(op.attribute)):
+            return ["own_instances(first, lanes, of);", *self.gather(name_of(op.attribute), out)]
+        if isinstance(op, JoinOp) and self.scene.is_stored(name_of(op.source)) and op.reduction is None:
             source, connectivity = name_of(op.source), self.scene.connectivities[name_of(op.connectivity)]
             if connectivity.variable is None:
                 arity, size = connectivity.arity.value.data, self.scene.size(source)
-                indices, pointer = self.bind("indices", connectivity.symbol), self.bind("storage", source)
-                offsets = f"connected_offsets({indices} + first * {arity} + s, {arity}, lanes, {size}, at);"
-                gather = f"gather({pointer}, at, {size}, {out} + s * {size});"
-                return block(f"for (long s = 0; s < {arity}; ++s)", [offsets, gather])
+                indices = self.bind("indices", connectivity.symbol)
+                connected = f"connected_instances({indices} + first * {arity} + s, {arity}, lanes, of);"
+                gather = self.gather(source, f"{out} + s * {size}")
+                return block(f"for (long s = 0; s < {arity}; ++s)", [connected, *gather])
         size = size_of(op.result)
         lines = ["const long i = first + (l < lanes ? l : lanes - 1);", f"double one[{size}];"]
         lines += self.read(op, "one", "double")
         lines += [f"for (long e = 0; e < {size}; ++e) {out}[e][l] = one[e];", "(void)i;"]
         return block("for (long l = 0; l < 8; ++l)", lines)
+
+    def gather(self, source: str, out: str) -> list[str]:
+        """Statements that write stored numbers of the instances of[0], ..., of[7] to the packs `out`."""
+        return [
+            "#pragma GCC unroll 8",
+            f"for (long l = 0; l < 8; ++l) at[l] = {self.stored_row(source, 'of[l]')};",
+            f"gather(at, {self.scene.size(source)}, {out});",
+        ]
 
     def helpers(self) -> list[str]:
         """Mathematical functions of packs."""

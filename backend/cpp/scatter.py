@@ -16,13 +16,13 @@ def scatter_hessian(text: CppObjectText, local: LocalDerivative, packed: str) ->
     """Statements that add the blocks of one pack; `packed` names the upper triangle of its local Hessians."""
     count = len(local.slots)
     pairs = [(s, t) for s in range(count) for t in range(s, count)]
-    direct = [pair for pair in pairs if all(local.slots[k].is_target for k in pair)]
+    direct = [pair for pair in pairs if all(local.slots[k].is_direct for k in pair)]
     lines = _add_packs(text, local, direct, packed)
     return lines if len(direct) == len(pairs) else lines + expand_hessian(text, local, packed)
 
 
 def _add_packs(text: CppObjectText, local: LocalDerivative, pairs: list[tuple[int, int]], packed: str) -> list[str]:
-    """Adds the blocks of pairs of targets: for each shape of block a loop over its pairs."""
+    """Adds the blocks of pairs of direct slots: for each shape of block a loop over its pairs."""
     slots = local.slots
     entry_at = starts([slot.size for slot in slots])
     kappa_at = starts([slot.capacity for slot in slots])

@@ -79,7 +79,7 @@ def _hessian(text: CudaObjectText, local: LocalDerivative) -> list[str]:
 def _projection(text: CudaObjectText, project: ProjectOp) -> list[str]:
     """Calls the runtime's projection; what it works on is in global memory where the stack would be too large."""
     width = project.width.value.data
-    if project.deformation is not None:
+    if project.deformation is not None and project.vectors is None:
         return [f"const int changed = yasps_project_isotropic(middle, deformation, {width}, (int)mode);"]
     work = width * (width + 2)
     if 8 * (size_of(project.packed) + work) <= LARGEST_STACK:
@@ -92,10 +92,10 @@ def _projection(text: CudaObjectText, project: ProjectOp) -> list[str]:
 def _scatter(text: CudaObjectText, local: LocalDerivative, packed: str) -> list[str]:
     """Adds all blocks of the packed Hessian."""
     ranges = ranges_of(local.slots)
-    targets = [(same, k) for same in ranges if same.slot.is_target for k in range(same.count)]
+    direct = [(same, k) for same in ranges if same.slot.is_direct for k in range(same.count)]
     lines: list[str] = []
-    for a, (one, s) in enumerate(targets):
-        for other, t in targets[a:]:
+    for a, (one, s) in enumerate(direct):
+        for other, t in direct[a:]:
             rows, cols = one.slot.size, other.slot.size
             r0, c0 = one.entry + s * rows, other.entry + t * cols
             entries = [f"{packed}[{packed_place(local.n, r0 + r, c0 + c)}]" for r in range(rows) for c in range(cols)]
@@ -109,6 +109,6 @@ def _scatter(text: CudaObjectText, local: LocalDerivative, packed: str) -> list[
         return f"add_row(sink, kappa, position, {local.capacity}, {p}, r, {q}, {q} + {other.slot.capacity}, row);"
 
     def is_wanted(one: SlotRange, other: SlotRange) -> bool:
-        return not (one.slot.is_target and other.slot.is_target)
+        return not (one.slot.is_direct and other.slot.is_direct)
 
     return lines + expand(text, ranges, packed, add_row, is_wanted)

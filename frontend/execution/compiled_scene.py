@@ -200,6 +200,15 @@ class CompiledScene(InScene, ABC):
     def direct_solves_left(self, count: int) -> None:
         """For a state that goes on elsewhere."""
 
+    @property
+    def two_level_next(self) -> bool:
+        """Whether preconditioner="auto" begins the next system with the coarse space; False on a device without."""
+        return False
+
+    @two_level_next.setter
+    def two_level_next(self, on: bool) -> None:
+        """For a state that goes on elsewhere."""
+
     # -- code ----------------------------------------------------------------------------------------------
 
     @property

@@ -61,6 +61,15 @@ class CpuScene(CompiledScene):
     def direct_solves_left(self, count: int) -> None:
         self._solver.direct_left = count
 
+    @property
+    def two_level_next(self) -> bool:
+        """See `PreconditionerChoice`."""
+        return self._solver.preconditioners.two_level
+
+    @two_level_next.setter
+    def two_level_next(self, on: bool) -> None:
+        self._solver.preconditioners.two_level = on
+
     def _key(self) -> Sequence[str]:
         return [str(self.runtime.compiler.has_vector_math)]
 

@@ -249,6 +249,11 @@ class CudaScene(CompiledScene):
                 "solver='direct' runs on the CPU only: take solver='pcg' or 'auto' (which is 'pcg' on a GPU), or make "
                 "the scene with device='cpu'"
             )
+        if options.preconditioner == "two-level":
+            raise DataError(
+                "preconditioner='two-level' runs on the CPU only: take 'jacobi' or 'auto' (which is 'jacobi' on a "
+                "GPU), or make the scene with device='cpu'"
+            )
         parts = [self.static_matrix, self.dynamic_matrix]
         x, report = self._solver.solve(parts, self._right.upload(gradient), options)
         return x.download(), report

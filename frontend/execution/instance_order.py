@@ -18,7 +18,7 @@ from yasps.frontend.execution.emit import SceneEmitter
 from yasps.frontend.language.attribute import Attribute
 from yasps.frontend.language.connectivity import Connectivity
 from yasps.frontend.language.nodes import Stored
-from yasps.frontend.language.primitive import Primitive
+from yasps.frontend.language.primitive import Primitive, PrimitiveBase, PrimitiveUnion
 
 Number = TypeVar("Number", np.float64, np.int32, np.int64)
 
@@ -71,7 +71,8 @@ def own_reads(
     """What the kernel's pointers lead to whose rows are the instances of `owner`; None where they must stay in order.
 
     That is where the kernel hands the number of an instance on to another object, or reaches numbers of `owner` through
-    a JOIN from `owner` to itself as well; and where it reads targets of `owner`, which change all the time.
+    a JOIN from `owner` to itself or to a union with it as well; and where it reads targets of `owner`, which change all
+    the time.
     """
     numbers: dict[Binding, Stored] = {}
     indices: dict[Binding, Connectivity] = {}
@@ -86,10 +87,17 @@ def own_reads(
             numbers[binding] = attribute.node
         elif binding.kind == "indices":
             connectivity = emitter.connected[binding.name]
-            if connectivity.target is owner:
+            if _contains(connectivity.target, owner):
                 return None
             if connectivity.source is owner:
                 indices[binding] = connectivity
         elif binding.kind == "arguments" and binding.name.startswith(f"{owner.path}."):
             return None
     return numbers, indices
+
+
+def _contains(primitive: PrimitiveBase, owner: Primitive) -> bool:
+    """Is it `owner`, or a union with `owner` in it?"""
+    if isinstance(primitive, PrimitiveUnion):
+        return any(_contains(member, owner) for member in primitive.members)
+    return primitive is owner

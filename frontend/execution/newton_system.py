@@ -12,10 +12,11 @@ from numpy.typing import NDArray
 from yasps.frontend.errors import DataError
 from yasps.frontend.execution.compiled_scene import CompiledScene
 from yasps.frontend.language.nodes import FloatArray
-from yasps.runtime.solvers.options import SOLVERS, WHEN_TO_PROJECT, SolveOptions
+from yasps.runtime.solvers.options import PRECONDITIONERS, SOLVERS, WHEN_TO_PROJECT, SolveOptions
 from yasps.runtime.solvers.pcg import SolveReport, StopReason
 
 __all__ = [
+    "PRECONDITIONERS",
     "SOLVERS",
     "WHEN_TO_PROJECT",
     "NewtonSolution",
@@ -65,10 +66,11 @@ def solve_options(
     solver: str = "pcg",
     projection: str = "always",
     history: bool = False,
+    preconditioner: str = "auto",
 ) -> SolveOptions:
     """What a user asks for. Raises DataError for what can't limit a solver and for names that don't exist."""
     try:
-        return SolveOptions(tolerance, max_iterations, solver, projection, history)
+        return SolveOptions(tolerance, max_iterations, solver, projection, history, preconditioner)
     except ValueError as error:
         raise DataError(str(error)) from None
 

@@ -202,12 +202,13 @@ class SceneNames:
         *,
         solver: str = "pcg",
         projection: str = "always",
+        preconditioner: str = "auto",
         fixed: Mapping[Attribute, ArrayLike] | None = None,
     ) -> list[FloatArray]:
         """x of H x = g, one flat array for each target (paper, 4.8); the Newton step is the *negative*: -x.
 
-        g is the gradient of all energies, H their projected Hessian. tolerance: relative, on the squared preconditioned
-        norm of the residual, r^T M^-1 r <= tolerance g^T M^-1 g. solver, projection, fixed: see `solve`.
+        g is the gradient of all energies, H their projected Hessian. tolerance: relative, on the squared norm of the
+        residual, r^T D^-1 r <= tolerance g^T D^-1 g with H's diagonal blocks D. The rest: see `solve`.
 
         Raises NotConvergedError if the solver stops before that, NotFiniteError, SceneError without energies or
         targets, DataError or ConnectivityError for numbers that don't fit a dynamic primitive's size or bad arguments.

@@ -24,6 +24,8 @@ _FEW = 256
 """Surfaces with fewer vertices are searched before a second thread has woken up."""
 _FEW_PAIRS = 4096
 """The same of pairs that are measured."""
+MOST_PAIRS = (2**31 - 1) // 7
+"""Close pairs are numbered with 31 bits, and with improved max a vertex and a triangle may add seven of them."""
 
 
 @dataclass(frozen=True)
@@ -168,6 +170,7 @@ class Surface(Uncopied):
             self._handle, start.ctypes.data, end.ctypes.data, len(start), reach, int(sort), counts, threads
         )
         check_status(status)
+        check_pair_count(sum(counts))
         pairs = SurfacePairs(np.empty((counts[0], 4), np.int32), np.empty((counts[1], 4), np.int32))
         library.yasps_surface_pairs(
             self._handle, pairs.edge_edge.ctypes.data, pairs.vertex_triangle.ctypes.data, threads
@@ -281,6 +284,15 @@ class Surface(Uncopied):
 
     def _threads_for(self, pairs: SurfacePairs) -> int:
         return self._runtime.thread_count(None) if len(pairs) >= _FEW_PAIRS else 1
+
+
+def check_pair_count(count: int) -> None:
+    """Raises MemoryError if the pairs that may come close are more than can be numbered."""
+    if count > MOST_PAIRS:
+        raise MemoryError(
+            f"{count} pairs of surface pieces may come close, but at most {MOST_PAIRS} are numbered: is the activation"
+            " distance much larger than the edges of the surfaces, or do bodies move very far in a step?"
+        )
 
 
 def _addresses(pairs: SurfacePairs) -> tuple[int, int, int, int]:

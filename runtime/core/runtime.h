@@ -34,7 +34,7 @@ inline d4 load_unaligned(const double* p) { return *reinterpret_cast<const d4_un
 inline void store(double* p, d4 v) { *reinterpret_cast<d4*>(p) = v; }
 inline double sum_of(d4 v) { return (v[0] + v[1]) + (v[2] + v[3]); }
 
-enum Status { kOk = 0, kOutOfMemory = 1, kBadSlot = 2, kTooManyBlocks = 3 };
+enum Status { kOk = 0, kOutOfMemory = 1, kBadSlot = 2 };
 
 // Memory that only grows and is reused between calls: aligned to a cache line, uninitialised.
 template <class T>
@@ -146,6 +146,19 @@ struct Share {
     int last_col;  // dof block
 };
 
+// Dof blocks that move together in the coarse space of the two-level preconditioner (solvers/aggregates.cpp).
+struct Aggregates {
+    bool known = false;
+    int count = 0;
+    long unknowns = 0;      // of the coarse space: what the aggregates' blocks have, each aggregate once
+    long length = 0;        // of padded vectors of these
+    Buffer<int> of;         // [blocks]: the aggregate of each, or -1
+    Buffer<int> width;      // [count]: scalars of a block
+    Buffer<int> weight;     // [count]: blocks
+    Buffer<int> first;      // [count + 1]: the first unknown of each
+    Buffer<int> padded_of;  // [unknowns]: the place in padded vectors
+};
+
 // The sparsity of a symmetric matrix, upper triangle only (paper, appendix B).
 struct Structure {
     Layout layout;
@@ -156,11 +169,13 @@ struct Structure {
     Buffer<int> row, col;    // [blocks]: dof blocks, row <= col
     Buffer<int> padded_col;  // [blocks]: col as offset into padded vectors
     Buffer<Run> runs;
-    Buffer<long> diagonal;  // [layout.blocks]: offset of the diagonal block, or -1
+    Buffer<long> diagonal;          // [layout.blocks]: offset of the diagonal block, or -1
+    mutable Aggregates aggregates;  // found when first asked for, forgotten at the next build
 
     // Scratch of the build, kept for the next one if there soon is one.
     Layout next_layout;
-    Buffer<int> active, counts, unique, unique_count, marker;
+    Buffer<int> active, unique, unique_count, marker;
+    Buffer<uint32_t> counts;  // local blocks of all energies together are fewer than 2^32
     Buffer<long> bucket_start, next_entry, place;
     Buffer<Share> shares;  // [active rows, classes]
     Buffer<Entry> entries;
@@ -198,4 +213,5 @@ typedef void (*yasps_value_kernel)(const void* const* args, long begin, long end
 
 long yasps_project(double* packed, int width, int lanes, int mode);
 long yasps_project_isotropic(double* packed, const double* deformation, int width, int lanes, int mode);
+long yasps_project_two_vectors(double* packed, const double* vectors, int width, int lanes, int mode);
 }

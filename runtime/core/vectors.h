@@ -156,6 +156,22 @@ inline V inverse_root(V v) {
     return inverse(square_root(v));
 #endif
 }
+// 1 / v of normal numbers whose inverse is normal, to two units in the last place; NaN where v or that is zero.
+template <class V>
+inline V reciprocal(V v) {
+#if defined(__AVX512F__)
+    // As inverse_root: a division keeps its unit busy for longer than all of these.
+    return each(
+        [](Register x) {
+            const Register guess = __builtin_ia32_rcp14pd512_mask(x, x, static_cast<unsigned char>(255));
+            const Register error = 1.0 - x * guess;
+            return guess + (guess * error) * (1.0 + error * (1.0 + error));
+        },
+        v);
+#else
+    return inverse(v);
+#endif
+}
 // 2^(sign e), with numbers v of about 2^e; normal numbers, also where v is not.
 template <class V>
 inline V power_of_two(V v, int sign) {
@@ -168,11 +184,16 @@ inline V power_of_two(V v, int sign) {
         },
         v);
 }
-// The root and its inverse of normal numbers above zero, at the same time: neither waits for the other.
+// The root and its inverse of normal numbers above zero.
 template <class V>
 inline void find_roots(V v, V* root, V* inverse_root) {
+#if defined(__AVX512F__)
+    *inverse_root = yasps::inverse_root(v);
+    *root = v * *inverse_root;
+#else
     *root = square_root(v);
     *inverse_root = *root * inverse(v);
+#endif
 }
 inline long largest_of(RegisterMask v) {
     long largest = v[0];

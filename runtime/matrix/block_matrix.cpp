@@ -28,9 +28,9 @@ int read_slots(const Layout& layout, const int* kappa, int capacity, int* slots)
 
 long pairs_of(long capacity) { return capacity * (capacity + 1) / 2; }
 
-// Counts the local blocks of every row; marks pairs without contribution with position -1. Returns false, and
-// fills `where` with (instance, slot), at the first instance that names something else than a block.
-bool count_rows(const Layout& layout, const int* kappa, int capacity, Range instances, int* slots, int* counts,
+// Counts the local blocks of every row, all of which may lie in one; marks pairs without contribution with position -1.
+// Returns false, and fills `where` with (instance, slot), at the first instance that names something else than a block.
+bool count_rows(const Layout& layout, const int* kappa, int capacity, Range instances, int* slots, uint32_t* counts,
                 long* where) {
     for (long i = instances.begin; i < instances.end; ++i) {
         const int bad = read_slots(layout, kappa + i * capacity, capacity, slots);
@@ -221,9 +221,7 @@ int build_structure(Structure& s, const Layout& layout, const Energies& energies
     const long slot_stride = (largest_capacity + 31L) / 16 * 16;
     Buffer<long> bad;  // per thread: energy or -1, instance, slot
     if (!reserve_scratch(s, layout, threads, slot_stride, slots) || !bad.reserve(3L * threads)) return kOutOfMemory;
-    if (energies.first_source[energies.count] >= INT64_C(0xffffffff) || rows >= INT64_C(0x3fffffff))
-        return kTooManyBlocks;
-    memset(s.counts.data, 0, static_cast<size_t>(rows * threads) * sizeof(int));
+    memset(s.counts.data, 0, static_cast<size_t>(rows * threads) * sizeof(uint32_t));
 
 #pragma omp parallel for num_threads(threads) schedule(static)
     for (int t = 0; t < threads; ++t) {
@@ -273,8 +271,9 @@ int build_structure(Structure& s, const Layout& layout, const Energies& energies
 void Structure::release_scratch() {
     Layout nothing;
     next_layout.swap(nothing);
-    for (Buffer<int>* buffer : {&active, &counts, &unique, &unique_count, &marker}) buffer->release();
+    for (Buffer<int>* buffer : {&active, &unique, &unique_count, &marker}) buffer->release();
     for (Buffer<long>* buffer : {&bucket_start, &next_entry, &place}) buffer->release();
+    counts.release();
     shares.release();
     entries.release();
 }
@@ -353,6 +352,7 @@ int yasps_structure_build(yasps::Structure* s, long targets, const long* boundar
                           const int* order, long energy_count, const long* instances, const int* capacity,
                           const int* const* kappa, long* const* position, int with_diagonal, int threads, long* where) {
     const bool fresh = boundaries != nullptr;
+    s->aggregates.known = false;
     if (fresh && !s->next_layout.build(targets, boundaries, block_sizes, order)) return yasps::kOutOfMemory;
     yasps::Buffer<long> first_source;
     if (!first_source.reserve(energy_count + 1)) return yasps::kOutOfMemory;

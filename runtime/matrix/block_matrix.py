@@ -19,7 +19,6 @@ if TYPE_CHECKING:
     from scipy import sparse
 
 _BAD_SLOT = 2
-_TOO_MANY_BLOCKS = 3
 # Padded vectors are indexed with 32-bit integers; padding makes a vector at most four times as long.
 MOST_SCALARS = 2**29 - 1
 # Local blocks of all energies of a matrix are numbered with 32 bits.
@@ -122,6 +121,7 @@ class BlockMatrix(Uncopied):
         MemoryError leaves it empty.
         """
         boundaries, block_sizes = check_layout(boundaries, block_sizes)
+        check_local_blocks([np.shape(kappa) for kappa in kappas], MOST_LOCAL_BLOCKS)
         kappas = [_check_kappa(kappa, energy) for energy, kappa in enumerate(kappas)]
         if not reorder:
             if order is not None and order is not self.order:
@@ -202,8 +202,6 @@ class BlockMatrix(Uncopied):
                 f"offset of a dof block; blocks start at {describe_layout(boundaries, block_sizes)}; 0 means no "
                 "contribution"
             )
-        if status == _TOO_MANY_BLOCKS:
-            raise ValueError("more than 2^32 local blocks: split the energies over several matrices")
         if status != 0 and self._is_built:
             self._forget()
         check_status(status)
@@ -268,6 +266,13 @@ class BlockMatrix(Uncopied):
         )
         check_status(status)
         return result
+
+    def aggregates(self) -> IntArray:
+        """Of each scalar the number of the aggregate that its dof block moves with in the coarse space of the two-level
+        preconditioner, int32 [size]; -1 for blocks that take no part. They follow from the sparsity alone."""
+        numbers = np.empty(self.size, np.int32)
+        check_status(self._runtime.library.yasps_aggregates(self.handle, numbers.ctypes.data))
+        return numbers
 
     def to_scipy(self) -> sparse.csr_array[np.float64]:
         """The full symmetric matrix (both triangles) as a SciPy array in CSR format."""
@@ -344,6 +349,16 @@ def check_layout(boundaries: LongArray, block_sizes: IntArray) -> tuple[LongArra
     if bounds[-1] > MOST_SCALARS:
         raise ValueError(f"{bounds[-1]} unknowns; the runtime can index at most {MOST_SCALARS}")
     return bounds.copy(), sizes.copy()
+
+
+def check_local_blocks(shapes: Sequence[tuple[int, ...]], most: int) -> None:
+    """Before there is memory for any: raises ValueError if energies with kappas of these shapes, [n, c] each, have more
+    local blocks together than can be told apart. Other shapes are somebody else's complaint."""
+    count = sum(n * c * (c + 1) // 2 for n, c in (shape for shape in shapes if len(shape) == 2))
+    if count > most:
+        raise ValueError(
+            f"{count} local blocks, but at most {most} are numbered: split the energies over several matrices"
+        )
 
 
 def _check_order(order: IntArray, boundaries: LongArray, block_sizes: IntArray) -> IntArray:

@@ -13,12 +13,15 @@ _GAIN = 0.5
 # Elements are sorted where the step from one to the next is on average more than this share of all dof blocks: what
 # nearer ones touch is in the cache in any order.
 _LONGEST_STEP = 1 / 64
+# SciPy's graphs count their entries with 32 bits.
+_MOST_ENTRIES = 2**31 - 1
 
 
 def bandwidth_reducing_order(
     rows: NDArray[np.integer], cols: NDArray[np.integer], count: int
 ) -> NDArray[np.int32] | None:
-    """The new number of each of `count` dof blocks, int32 [count]; None where the given order is about as good.
+    """The new number of each of `count` dof blocks, int32 [count]; None where the given order is about as good, or the
+    pairs are too many for SciPy.
 
     rows, cols: the coupled pairs, in one triangle or both; duplicates and diagonal ones do no harm. The order is
     reverse Cuthill-McKee (George & Liu 1981, Computer Solution of Large Sparse Positive Definite Systems, sec. 4.3):
@@ -28,6 +31,8 @@ def bandwidth_reducing_order(
     from scipy import sparse
     from scipy.sparse.csgraph import reverse_cuthill_mckee
 
+    if 2 * len(rows) > _MOST_ENTRIES:  # both triangles
+        return None
     graph = sparse.coo_array((np.ones(len(rows), np.bool_), (rows, cols)), shape=(count, count)).tocsr()
     both: sparse.csr_array[np.bool_] = (graph + graph.T).tocsr()
     order = np.empty(count, np.int32)

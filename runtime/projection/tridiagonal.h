@@ -49,11 +49,13 @@ YASPS_FUNCTION inline void tridiagonalise(Numbers a, int n, Numbers d, Numbers e
             b[-1] = V{};
             continue;
         }
-        const V reflected = with_sign(square_root(squared), first) * -1.0;
+        V length, over_length;
+        find_roots(maximum(squared, constant<V>(kNoColumn)), &length, &over_length);
+        const V reflected = with_sign(length, first) * -1.0;
         e[k] = select(has_column, reflected, first);
         v[0] = first - reflected;
-        const V divisor = select(has_column, squared - first * reflected, constant<V>(1));
-        const V scale = select(has_column, inverse(divisor), V{});
+        // The divisor |v|^2 / 2 is one to two times the square of the length.
+        const V scale = select(has_column, reciprocal(squared - first * reflected), V{});
         b[-1] = scale;
         for (int i = 0; i < m; ++i) p[i] = V{};
         YASPS_ROLLED
@@ -95,7 +97,8 @@ YASPS_FUNCTION inline V negligible_coupling(Numbers d, Numbers e, int n) {
 template <class V>
 YASPS_FUNCTION inline V shift_for(V diagonal, V next, V coupling) {
     const V difference = next - diagonal;
-    const V root = square_root(coupling * coupling * 4.0 + difference * difference);
+    V root, over_root;
+    find_roots(maximum(coupling * coupling * 4.0 + difference * difference, constant<V>(1e-280)), &root, &over_root);
     return (diagonal + next - with_sign(root, difference)) * 0.5;
 }
 
@@ -114,7 +117,8 @@ struct QlSweep {
     template <class Numbers>
     YASPS_ALWAYS_INLINE void step(Numbers d, Numbers e, int i) {
         const V entry = d[i] - shift, coupling = e[i];
-        const V squared = coupling * coupling + p * p;
+        // What is added is nothing beside what has an angle, and keeps the inverse finite.
+        const V squared = (coupling * coupling + constant<V>(1e-300)) + p * p;
         // Where both are nothing there is no angle, and none is needed.
         const auto zero = less(squared, constant<V>(1e-280));
         V length, over_length;

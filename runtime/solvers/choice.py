@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 from yasps.runtime.core.library import FloatArray, Runtime
 from yasps.runtime.matrix.block_matrix import BlockMatrix
 from yasps.runtime.solvers.options import DEFAULTS, SolveOptions
-from yasps.runtime.solvers.pcg import PcgSolver, SolveReport, StopReason
+from yasps.runtime.solvers.pcg import PcgSolver, PreconditionerChoice, SolveReport, StopReason
 
 if TYPE_CHECKING:
     from yasps.runtime.solvers.direct import DirectSolver
@@ -37,6 +37,11 @@ class LinearSolver:
         self._direct: DirectSolver | None = None
         self.direct_left = 0
         """How many of the next systems "auto" gives to the direct solver."""
+
+    @property
+    def preconditioners(self) -> PreconditionerChoice:
+        """What preconditioner="auto" has learned."""
+        return self._pcg.choice
 
     def solve(
         self,

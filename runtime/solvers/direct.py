@@ -31,6 +31,8 @@ _REFINEMENTS = 10
 """Most PCG iterations that take rounding out of a direct solution."""
 _ROUNDING = 1e-20
 """A relative squared residual that is nothing but rounding."""
+_MOST_ENTRIES = 2**31 - 1
+"""Both libraries index the entries of a matrix, of which SuperLU gets both triangles, with 32 bits."""
 
 
 class NotPositiveDefiniteError(ArithmeticError):
@@ -176,7 +178,9 @@ class DirectSolver:
             return np.zeros_like(g), self._failed(StopReason.NOT_POSITIVE_DEFINITE, block)
         if not np.isfinite(x).all():
             return np.zeros_like(g), self._failed(StopReason.NOT_POSITIVE_DEFINITE, None)
-        refined = replace(options, tolerance=max(options.tolerance, _ROUNDING), max_iterations=_REFINEMENTS)
+        refined = replace(
+            options, tolerance=max(options.tolerance, _ROUNDING), max_iterations=_REFINEMENTS, preconditioner="jacobi"
+        )
         x, report = self._check.solve(parts, g, refined, x, threads=threads)
         return x, report.by(self.name)
 
@@ -207,9 +211,15 @@ class UpperSum:
         return self._blocks is not None and self._size == parts[0].size and _same(self._blocks, _blocks_of(parts))
 
     def follow(self, parts: Sequence[BlockMatrix]) -> None:
-        """Makes itself ready for parts of this sparsity."""
+        """Makes itself ready for parts of this sparsity. Raises ValueError where no library could index the matrix."""
         blocks = _blocks_of(parts)
         n = parts[0].size
+        entries = n + sum(2 * len(first_row) * r * c for first_row, _, r, c in blocks)
+        if entries > _MOST_ENTRIES:
+            raise ValueError(
+                f"a direct solver indexes at most {_MOST_ENTRIES} entries of a matrix, and this one has about"
+                f" {entries}: use solver='pcg'"
+            )
         rows, cols = [np.arange(n)], [np.arange(n)]  # PARDISO wants the whole diagonal
         for first_row, first_col, r, c in blocks:
             shape = (len(first_row), r, c)

@@ -8,6 +8,8 @@ import numpy as np
 
 SOLVERS = ("pcg", "direct", "auto")
 """Names of the linear solvers."""
+PRECONDITIONERS = ("auto", "jacobi", "two-level")
+"""Names of the preconditioners of conjugate gradients."""
 WHEN_TO_PROJECT = ("always", "on-demand")
 """When a Newton system's Hessian loses its negative eigenvalues."""
 _MOST_ITERATIONS = 2**31
@@ -18,11 +20,13 @@ _MOST_ITERATIONS = 2**31
 class SolveOptions:
     """How the system H x = g of a Newton step is made and solved.
 
-    tolerance: relative, on the squared preconditioned norm of the residual, r^T M^-1 r <= tolerance g^T M^-1 g.
-    max_iterations: of conjugate gradients. solver: "pcg", conjugate gradients; "direct", a sparse factorisation;
-    "auto", the one that did better (see `LinearSolver`). projection: "always", or "on-demand", only where H turns out
-    not to be positive definite; a solver that is given H looks at neither of these two names. history: keep the
-    residual of every iteration of conjugate gradients in the report.
+    tolerance: relative, on the squared norm of the residual, r^T D^-1 r <= tolerance g^T D^-1 g, with the diagonal
+    blocks D of H, whatever the preconditioner is. max_iterations: of conjugate gradients. solver: "pcg", conjugate
+    gradients; "direct", a sparse factorisation; "auto", the one that did better (see `LinearSolver`). projection:
+    "always", or "on-demand", only where H turns out not to be positive definite; a solver that is given H does not look
+    at it. history: keep the residual of every iteration of conjugate gradients in the report. preconditioner: of
+    conjugate gradients, "jacobi", which is D; "two-level", D and a coarse space; "auto", one of these by what earlier
+    systems took (see `PcgSolver`, `PreconditionerChoice`).
 
     Raises ValueError for what can't limit a solver and for names that don't exist.
     """
@@ -32,6 +36,7 @@ class SolveOptions:
     solver: str = "pcg"
     projection: str = "always"
     history: bool = False
+    preconditioner: str = "auto"
 
     def __post_init__(self) -> None:
         """Checks the options, for all that take them."""
@@ -44,6 +49,9 @@ class SolveOptions:
             raise ValueError(f"max_iterations of the linear solver must be an integer >= 0, got {most!r}")
         if self.solver not in SOLVERS:
             raise ValueError(f"solver must be one of {', '.join(SOLVERS)}, got {self.solver!r}")
+        if self.preconditioner not in PRECONDITIONERS:
+            known = ", ".join(PRECONDITIONERS)
+            raise ValueError(f"preconditioner must be one of {known}, got {self.preconditioner!r}")
         if self.projection not in WHEN_TO_PROJECT:
             raise ValueError(f"projection must be one of {', '.join(WHEN_TO_PROJECT)}, got {self.projection!r}")
 

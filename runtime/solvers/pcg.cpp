@@ -1,4 +1,5 @@
-// Preconditioned conjugate gradients with block Jacobi for (sum of parts) x = g (paper, section 8, appendix D).
+// Preconditioned conjugate gradients with block Jacobi, perhaps beside a coarse space, for (sum of parts) x = g (paper,
+// section 8, appendix D).
 //
 // The whole solve is one parallel region. Rows are cut into pieces of about equal work, one or more for each thread;
 // what depends on the order of additions is added per piece and then in the order of the pieces. So the result is the
@@ -6,6 +7,7 @@
 #include <new>
 
 #include "core/runtime.h"
+#include "solvers/coarse_space.h"
 #include "solvers/preconditioner.h"
 
 namespace yasps {
@@ -29,6 +31,7 @@ struct Workspace {
     Buffer<double> inverse;                                    // inverted diagonal blocks
     Buffer<double> scratch;                                    // one diagonal block per piece
     Buffer<Piece> pieces;
+    CoarseSpace coarse;
     long piece_count = 0;
 };
 
@@ -39,7 +42,8 @@ struct SolveResult {
     long iterations;
     double relative_residual;
     long reason;
-    long block;  // scalar offset of the diagonal block to blame, or -1
+    long block;   // scalar offset of the diagonal block to blame, or -1
+    long coarse;  // 1: with the coarse space, -1: it was asked for and is not positive definite, else 0
 };
 
 struct System {
@@ -48,6 +52,7 @@ struct System {
     const double* const* values;
 
     const Layout& layout() const { return structures[0]->layout; }
+    const Aggregates& aggregates() const { return structures[0]->aggregates; }
 };
 
 // The pieces of one thread.
@@ -173,10 +178,41 @@ double precondition(const Workspace& w, const Layout& layout, Range blocks, cons
     return sum_of(sums);
 }
 
-// residual -= step * product and its preconditioning, some blocks at a time, which then stay in the nearest cache.
-// Returns the piece's share of r^T z and leaves the product empty.
-double step_residual(const Workspace& w, const Layout& layout, const Piece& p, double step) {
+// The piece's place for P^T r.
+double* restricted_of(const Workspace& w, const Piece& p) {
+    return w.coarse.restricted.data + kCopies * (&p - w.pieces.data) * w.coarse.restricted_length;
+}
+
+void clear_restricted(const Workspace& w, const Piece& p) {
+    clear(restricted_of(w, p), 0, kCopies * w.coarse.restricted_length);
+}
+
+// Whether every dof block is one vector, as in most scenes.
+bool has_threes_only(const Layout& layout) { return layout.classes == 1 && layout.largest == 3; }
+
+// Adds P^T r of some dof blocks.
+void restrict_to_coarse(const Workspace& w, const Layout& layout, Range blocks, double* restricted) {
+    if (has_threes_only(layout)) {
+        double* const copies[kCopies] = {restricted, restricted + w.coarse.restricted_length};
+        for (long b = blocks.begin; b < blocks.end; ++b) {
+            double* const to = copies[b % kCopies] + w.coarse.place[b];
+            store(to, load(to) + load(w.residual.data + 4 * b));
+        }
+        return;
+    }
+    for (long b = blocks.begin; b < blocks.end; ++b) {
+        double* const to = restricted + b % kCopies * w.coarse.restricted_length + w.coarse.place[b];
+        const double* const from = w.residual.data + layout.padded_start[b];
+        for (int i = 0; i < padded_size(layout.size[b]); i += 4) store(to + i, load(to + i) + load(from + i));
+    }
+}
+
+// residual -= step * product and its preconditioning, some blocks at a time, which then stay in the nearest cache; with
+// a coarse space also P^T r. Returns the piece's share of r^T D^-1 r and leaves the product empty.
+double step_residual(const Workspace& w, const Layout& layout, const Piece& p, double step, bool coarse) {
     constexpr long kBlocks = 64;
+    double* const restricted = restricted_of(w, p);
+    if (coarse) clear_restricted(w, p);
     double sum = 0;
     for (long begin = p.blocks.begin; begin < p.blocks.end; begin += kBlocks) {
         const long end = begin + kBlocks < p.blocks.end ? begin + kBlocks : p.blocks.end;
@@ -185,8 +221,37 @@ double step_residual(const Workspace& w, const Layout& layout, const Piece& p, d
             store(p.product + i, d4{});
         }
         sum += precondition(w, layout, {begin, end}, w.residual.data, w.preconditioned.data);
+        if (coarse) restrict_to_coarse(w, layout, {begin, end}, restricted);
     }
     return sum;
+}
+
+// x += step direction, direction = D^-1 r + P y + mix direction, y the solution in the coarse space.
+void step_direction(const Workspace& w, const Layout& layout, const Piece& p, double step, double mix, bool coarse) {
+    if (!coarse) {
+        for (long i = p.own.begin; i < p.own.end; i += 4) {
+            const d4 direction = load(&w.direction[i]);
+            store(&w.x.data[i], load(&w.x[i]) + step * direction);
+            store(&w.direction.data[i], load(&w.preconditioned[i]) + mix * direction);
+        }
+        return;
+    }
+    if (has_threes_only(layout)) {
+        for (long b = p.blocks.begin; b < p.blocks.end; ++b) {
+            const d4 direction = load(&w.direction[4 * b]), moved = load(w.coarse.solution.data + w.coarse.place[b]);
+            store(&w.x.data[4 * b], load(&w.x[4 * b]) + step * direction);
+            store(&w.direction.data[4 * b], (load(&w.preconditioned[4 * b]) + moved) + mix * direction);
+        }
+        return;
+    }
+    for (long b = p.blocks.begin; b < p.blocks.end; ++b) {
+        const double* const moved = w.coarse.solution.data + w.coarse.place[b];
+        for (long i = layout.padded_start[b], end = layout.padded_start[b + 1], k = 0; i < end; i += 4, k += 4) {
+            const d4 direction = load(&w.direction[i]);
+            store(&w.x.data[i], load(&w.x[i]) + step * direction);
+            store(&w.direction.data[i], (load(&w.preconditioned[i]) + load(moved + k)) + mix * direction);
+        }
+    }
 }
 
 void invert_diagonal_of(Workspace& w, const System& system, Piece& p) {
@@ -200,7 +265,8 @@ void invert_diagonal_of(Workspace& w, const System& system, Piece& p) {
 struct Options {
     double tolerance;
     long max_iterations;
-    double* history;  // [max_iterations + 1] or null
+    double* history;   // [max_iterations + 1] or null
+    long coarse_from;  // the iteration before which the coarse space comes in; negative: never
 };
 
 // Vectors of a piece before the first iteration; its two sums become whether g is not finite, and its largest entry.
@@ -223,14 +289,22 @@ void start_piece(Workspace& w, const System& system, const double* g, const doub
     p.sums[1] = largest;
 }
 
+// Makes the coarse space ready for this system, by all threads together. False where that is impossible.
+bool start_coarse(Workspace& w, const System& system, const ThreadShare& share) {
+    for (const Piece& p : share) place_blocks(w.coarse, *system.structures[0], w.inverse.data, p.blocks);
+#pragma omp barrier
+    return make_coarse_matrix(w.coarse, {system.parts, system.structures, system.values});
+}
+
 // The body of the parallel region. Every thread takes the same decisions from the same sums.
 void iterate(Workspace& w, const System& system, const Options& options, const double* g, const double* x0, double* x,
              SolveResult* result) {
     const Layout& layout = system.layout();
     const ThreadShare share = share_of_thread(w);
     const bool reports = omp_get_thread_num() == 0;
+    bool coarse = false, broke_down = false;
     const auto stop = [&](long iterations, double residual, Reason reason, long block) {
-        if (reports) *result = {iterations, residual, reason, block};
+        if (reports) *result = {iterations, residual, reason, block, coarse ? 1 : broke_down ? -1 : 0};
         for (const Piece& p : share) unpack(layout, p.blocks, w.x.data, x);
     };
 
@@ -262,14 +336,32 @@ void iterate(Workspace& w, const System& system, const Options& options, const d
     }
 #pragma omp barrier
     const double reference = total(w, 0);
-    double squared = total(w, 1);
+    double damped = total(w, 1);  // r^T D^-1 r
+    double squared = damped;      // r^T M^-1 r, with the coarse space in M
 
     for (long iteration = 0;; ++iteration) {
-        const double relative = squared / reference;
+        const double relative = damped / reference;
         if (reports && options.history != nullptr) options.history[iteration] = relative;
         if (!(relative < INFINITY)) return stop(iteration, relative, kNotFinite, -1);
         if (relative <= options.tolerance) return stop(iteration, relative, kConverged, -1);
         if (iteration == options.max_iterations) return stop(iteration, relative, kMaxIterations, -1);
+
+        if (iteration == options.coarse_from) {
+            coarse = start_coarse(w, system, share);
+            broke_down = !coarse;
+            if (coarse) {  // conjugate gradients begin anew from here
+                for (const Piece& p : share) {
+                    clear_restricted(w, p);
+                    restrict_to_coarse(w, layout, p.blocks, restricted_of(w, p));
+                }
+#pragma omp barrier
+                solve_coarse(w.coarse, system.aggregates(), w.piece_count);
+#pragma omp barrier
+                squared = damped + coarse_product(w.coarse, system.aggregates());
+                for (const Piece& p : share) step_direction(w, layout, p, 0, 0, true);
+#pragma omp barrier
+            }
+        }
 
         for (const Piece& p : share) multiply_piece(system, p, w.direction.data);
 #pragma omp barrier
@@ -284,27 +376,30 @@ void iterate(Workspace& w, const System& system, const Options& options, const d
             return stop(iteration, relative, indefinite ? kNotPositiveDefinite : kNotFinite, -1);
         }
         const double step = squared / curvature;
-        for (Piece& p : share) p.sums[1] = step_residual(w, layout, p, step);
+        for (Piece& p : share) p.sums[1] = step_residual(w, layout, p, step, coarse);
 #pragma omp barrier
-        const double next = total(w, 1);
+        damped = total(w, 1);
+        double next = damped;
+        if (coarse) {
+            solve_coarse(w.coarse, system.aggregates(), w.piece_count);
+#pragma omp barrier
+            next += coarse_product(w.coarse, system.aggregates());
+        }
         const double mix = next / squared;
         squared = next;
-        for (const Piece& p : share)
-            for (long i = p.own.begin; i < p.own.end; i += 4) {
-                const d4 direction = load(&w.direction[i]);
-                store(&w.x[i], load(&w.x[i]) + step * direction);
-                store(&w.direction[i], load(&w.preconditioned[i]) + mix * direction);
-            }
+        for (const Piece& p : share) step_direction(w, layout, p, step, mix, coarse);
 #pragma omp barrier
     }
 }
 
-bool reserve(Workspace& w, const System& system, long pieces) {
+bool reserve(Workspace& w, const System& system, long pieces, long threads, bool coarse) {
     const Layout& layout = system.layout();
     const long n = layout.padded + 8;
     return w.x.reserve(n) && w.g.reserve(n) && w.residual.reserve(n) && w.direction.reserve(n) &&
            w.preconditioned.reserve(n) && w.inverse.reserve(layout.inverse_start[layout.blocks]) &&
-           w.scratch.reserve(pieces * layout.largest * layout.largest) && cut_pieces(w, system, pieces);
+           w.scratch.reserve(pieces * layout.largest * layout.largest) && cut_pieces(w, system, pieces) &&
+           (!coarse || (find_aggregates(*system.structures[0]) &&
+                        reserve_coarse_space(w.coarse, *system.structures[0], pieces, threads)));
 }
 
 }  // namespace
@@ -315,14 +410,15 @@ extern "C" {
 yasps::Workspace* yasps_workspace_new() { return new (std::nothrow) yasps::Workspace; }
 void yasps_workspace_free(yasps::Workspace* w) { delete w; }
 
-// Solves (sum of parts) x = g. All parts have the same layout. x0 and history may be null. Results are the same for
+// Solves (sum of parts) x = g. All parts have the same layout. x0 and history may be null. coarse_from: before which
+// iteration the coarse space comes in, negative for never. Results are the same for
 // the same number of pieces, whatever the number of threads.
 int yasps_solve(yasps::Workspace* w, int parts, const yasps::Structure* const* structures, const double* const* values,
-                const double* g, const double* x0, double* x, double tolerance, long max_iterations, double* history,
-                int threads, int pieces, yasps::SolveResult* result) {
+                const double* g, const double* x0, double* x, double tolerance, long max_iterations, long coarse_from,
+                double* history, int threads, int pieces, yasps::SolveResult* result) {
     const yasps::System system = {parts, structures, values};
-    if (!yasps::reserve(*w, system, pieces)) return yasps::kOutOfMemory;
-    const yasps::Options options = {tolerance, max_iterations, history};
+    if (!yasps::reserve(*w, system, pieces, threads, coarse_from >= 0)) return yasps::kOutOfMemory;
+    const yasps::Options options = {tolerance, max_iterations, history, coarse_from};
 #pragma omp parallel num_threads(threads)
     yasps::iterate(*w, system, options, g, x0, x, result);
     return yasps::kOk;

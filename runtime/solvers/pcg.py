@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import ctypes
+import logging
 import weakref
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from enum import Enum
-from typing import Protocol
+from typing import ClassVar, Protocol
 
 import numpy as np
 
@@ -15,6 +16,8 @@ from yasps.runtime.core.library import FloatArray, IntArray, LongArray, Runtime,
 from yasps.runtime.core.uncopied import Uncopied
 from yasps.runtime.matrix.block_matrix import BlockMatrix
 from yasps.runtime.solvers.options import DEFAULTS, SolveOptions
+
+LOGGER = logging.getLogger("yasps")
 
 
 class StopReason(Enum):
@@ -31,11 +34,12 @@ class SolveReport:
     """How a solve ended.
 
     reason: see StopReason. iterations: products with H, less one for a start vector. relative_squared_residual:
-    r^T M^-1 r / g^T M^-1 g at the end, the quantity that is compared with the tolerance; NaN when the iteration did not
+    r^T D^-1 r / g^T D^-1 g at the end, the quantity that is compared with the tolerance; NaN when the iteration did not
     start. block: scalar offset of the dof block whose diagonal block is to blame (not positive definite or not finite),
     else None. history: that quantity before each iteration and at the end, when it was asked for. solver: what solved:
     "pcg", or the name of a direct solver's library (iterations then are those that took out rounding). why: what made
-    the choice, where there was one.
+    the choice, where there was one. two_level: whether the coarse space was used. coarse_broke_down: whether it was to
+    be used but its matrix was not positive definite, so that block Jacobi went on alone.
     """
 
     reason: StopReason
@@ -45,6 +49,8 @@ class SolveReport:
     history: tuple[float, ...] | None
     solver: str = "pcg"
     why: str = ""
+    two_level: bool = False
+    coarse_broke_down: bool = False
 
     @property
     def direct(self) -> bool:
@@ -63,13 +69,47 @@ class SolveReport:
     def __str__(self) -> str:
         """One line for logs."""
         where = f" (dof block at scalar {self.block})" if self.block is not None else ""
-        who = f" by {self.solver}" if self.direct else ""
+        who = f" by {self.solver}" if self.direct else " with two levels" if self.two_level else ""
         why = f" ({self.why})" if self.why else ""
         reason = self.reason.name.lower().replace("_", " ")
         return (
             f"{reason}{where} after {self.iterations} iterations{who}{why}, relative squared residual "
             f"{self.relative_squared_residual:.3g}"
         )
+
+
+@dataclass
+class PreconditionerChoice:
+    """What preconditioner="auto" has learned of a scene. It counts iterations, not seconds, so that it decides the same
+    in every run.
+
+    Block Jacobi begins, and where it takes SLOW iterations, the coarse space comes in for the rest. The next systems
+    have it from the start, until one takes at most QUICK.
+    """
+
+    two_level: bool = False
+    """Whether the next system has the coarse space from the start."""
+
+    SLOW: ClassVar[int] = 40
+    """Iterations of block Jacobi that cost more than the coarse space's matrix and what it saves of easy systems."""
+    QUICK: ClassVar[int] = 15
+    """Iterations with the coarse space of systems for which block Jacobi takes fewer than SLOW."""
+    FEWEST_BLOCKS: ClassVar[int] = 1000
+    """A product with fewer dof blocks costs less than the coarse solution."""
+
+    def coarse_from(self, preconditioner: str, part: Part) -> int:
+        """The iteration before which the coarse space comes in; -1 for never."""
+        if preconditioner == "jacobi":
+            return -1
+        if preconditioner == "two-level":
+            return 0
+        if int((np.diff(part.boundaries) // part.block_sizes).sum()) < self.FEWEST_BLOCKS:
+            return -1
+        return 0 if self.two_level else self.SLOW
+
+    def learn(self, report: SolveReport) -> None:
+        """Takes note of how a system was solved."""
+        self.two_level = report.two_level and report.iterations > self.QUICK
 
 
 class _Result(ctypes.Structure):
@@ -80,13 +120,14 @@ class _Result(ctypes.Structure):
         ("relative_residual", ctypes.c_double),
         ("reason", ctypes.c_long),
         ("block", ctypes.c_long),
+        ("coarse", ctypes.c_long),
     ]
 
 
 class PcgSolver(Uncopied):
-    """Conjugate gradients with block-Jacobi preconditioner (paper, section 8 and appendix D).
+    """Conjugate gradients with a block-Jacobi or two-level preconditioner (paper, section 8 and appendix D).
 
-    Owns the solver's vectors; keep one and use it for every solve.
+    Owns the solver's vectors; keep one and use it for every solve. choice: what preconditioner="auto" has learned.
     """
 
     def __init__(self, runtime: Runtime, *, deterministic: bool = False) -> None:
@@ -100,6 +141,7 @@ class PcgSolver(Uncopied):
         if not handle:
             raise MemoryError("no memory for a solver")
         self._handle: int = handle
+        self.choice = PreconditionerChoice()
         weakref.finalize(self, runtime.library.yasps_workspace_free, handle)
 
     def solve(
@@ -116,9 +158,14 @@ class PcgSolver(Uncopied):
         parts: matrices with the same targets; every dof block needs a diagonal block in at least one. g: float64
         [unknowns]. x0: where to start, default 0.
 
-        The solver stops when r^T M^-1 r <= options.tolerance * g^T M^-1 g, with r = g - H x by recurrence and M the
-        diagonal blocks of H. That is a *squared* norm: tolerance 1e-4 asks for 1e-2 in the norm. The reference is g
-        also with a start vector. g = 0 gives x = 0.
+        The solver stops when r^T D^-1 r <= options.tolerance * g^T D^-1 g, with r = g - H x by recurrence and D the
+        diagonal blocks of H. That is a *squared* norm: tolerance 1e-4 asks for 1e-2 in the norm. It is the same norm
+        whatever the preconditioner is. The reference is g also with a start vector. g = 0 gives x = 0.
+
+        The two-level preconditioner is D^-1 + P (P^T H P)^-1 P^T, where P moves the dof blocks of an aggregate
+        together: about 400 blocks of one size that are coupled in parts[0], more where the coarse space would have more
+        than 1,000 unknowns. Aggregates are kept while parts[0] has its structure; numbers are those of this system.
+        Where P^T H P is not positive definite, block Jacobi goes on alone, and report and log say so.
 
         Returns x and the report; always look at `report.reason`. x is the last iterate (x0 when the iteration could not
         start). The result is the same bit for bit in every run with the same number of threads, of a deterministic
@@ -142,13 +189,19 @@ class PcgSolver(Uncopied):
             x.ctypes.data,
             options.tolerance,
             options.max_iterations,
+            self.choice.coarse_from(options.preconditioner, parts[0]),
             history.ctypes.data if history is not None else None,
             count,
             piece_count(count, self._deterministic),
             ctypes.addressof(result),
         )
         check_status(status)
-        return x, report_of(result.reason, result.iterations, result.relative_residual, result.block, history)
+        report = report_of(result.reason, result.iterations, result.relative_residual, result.block, history)
+        report = replace(report, two_level=result.coarse > 0, coarse_broke_down=result.coarse < 0)
+        if report.coarse_broke_down:
+            LOGGER.warning("the coarse matrix of a linear system is not positive definite: block Jacobi goes on alone")
+        self.choice.learn(report)
+        return x, report
 
 
 def report_of(

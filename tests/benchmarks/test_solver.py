@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from benchmarks.__main__ import main
+from benchmarks.solver import PRECONDITIONERS
 from benchmarks.solver_problems import PROBLEMS, MakeProblem, in_contact, quasi_static, soft
 from yasps.runtime.solvers.direct import LIBRARIES, available_libraries
 from yasps.runtime.solvers.pcg import PcgSolver
@@ -42,5 +43,11 @@ def test_a_tiny_run_times_every_solver(tmp_path: Path) -> None:
     assert {row["case"] for row in rows} == {"soft", "stiff", "quasi-static", "in contact"}
     direct = {f"{LIBRARIES[name]}, solve" for name in available_libraries()}
     seconds = {row["implementation"] for row in rows if row["unit"] == "s"}
-    assert {"yasps PCG", "SciPy cg"} | direct <= seconds
+    ours = {f"yasps PCG, {name}{error}" for name in PRECONDITIONERS for error in ("", ", error 0.1", ", error 0.001")}
+    assert {"SciPy cg"} | ours | direct <= seconds
+    counts = {(row["case"], row["implementation"]): row["value"] for row in rows if row["unit"] == "iterations"}
+    for case in ("soft", "quasi-static"):
+        for name in PRECONDITIONERS:
+            first, last = (counts[case, f"yasps PCG, {name}, error {error}"] for error in ("0.1", "0.001"))
+            assert 1 <= first <= last
     assert all(row["value"] > 0 for row in rows)

@@ -79,10 +79,12 @@ def test_other_solvers_go_on_in_the_same_way(solver: str, tmp_path: Path) -> Non
 def test_what_auto_has_learned_belongs_to_the_state(tmp_path: Path) -> None:
     simulation, _ = falling()
     simulation.scene.compile().direct_solves_left = 7
+    simulation.scene.compile().two_level_next = True
     simulation.save(tmp_path / "state.npz")
     again, _ = falling()
     again.restore(tmp_path / "state.npz")
     assert again.scene.compile().direct_solves_left == 7
+    assert again.scene.compile().two_level_next
 
 
 def test_numbers_that_were_set_on_the_way_are_restored(tmp_path: Path) -> None:

@@ -38,7 +38,9 @@ def state_of(simulation: Simulation) -> dict[str, Float64Array]:
     numbers |= simulation.driven.state()
     if contact is not None:
         numbers["accepted"] = contact.accepted
-    numbers["direct_solves_left"] = np.array(float(simulation.scene.compile().direct_solves_left))
+    compiled = simulation.scene.compile()
+    numbers["direct_solves_left"] = np.array(float(compiled.direct_solves_left))
+    numbers["two_level_next"] = np.array(float(compiled.two_level_next))
     return numbers | {"time": np.array(simulation.time), "frame": np.array(float(simulation.frame))}
 
 
@@ -62,7 +64,9 @@ def set_state(simulation: Simulation, state: Mapping[str, Float64Array]) -> None
     stepper.remember(past)
     if contact is not None:
         contact.accept(state["accepted"])
-    simulation.scene.compile().direct_solves_left = int(state["direct_solves_left"])
+    compiled = simulation.scene.compile()
+    compiled.direct_solves_left = int(state["direct_solves_left"])
+    compiled.two_level_next = bool(state["two_level_next"])
 
 
 def save(

@@ -217,6 +217,8 @@ class Minimization:
         self.report.cg_iterations += solved.iterations + solution.wasted_iterations
         self.report.projected += solution.projected
         self.report.direct_solves += solved.direct
+        self.report.two_level_solves += solved.two_level
+        self.report.coarse_breakdowns += solved.coarse_broke_down
         self.report.iterations += 1
         if not solved.converged:
             raise NotConvergedError(

@@ -17,9 +17,9 @@ class NewtonSettings:
     velocity_tolerance [m/s]: stop when the Newton direction moves no vertex by more than this times dt.
     force_tolerance [N]: stop when no vertex (or other instance of a target, see `minimize`) is pulled by more than
     this, all energies together. relative_force_tolerance: the same in shares of the largest force of any one energy.
-    linear_tolerance: of the conjugate gradients, on the squared preconditioned norm (see Scene.minimize_energy).
+    linear_tolerance: of the conjugate gradients, on the squared norm of the residual (see Scene.minimize_energy).
     longest_step: how far beyond the Newton step the line search may look, in its lengths; 1 to never do that.
-    solver, projection: see `SolveOptions`.
+    solver, projection, preconditioner: see `SolveOptions`.
     """
 
     velocity_tolerance: float | None = 1e-2
@@ -32,6 +32,7 @@ class NewtonSettings:
     projection: str = "always"
     force_tolerance: float | None = None
     relative_force_tolerance: float | None = None
+    preconditioner: str = "auto"
 
     def __post_init__(self) -> None:
         """Raises DataError for numbers and options of the linear solver that can't be, and for no tolerance at all."""
@@ -57,7 +58,11 @@ class NewtonSettings:
     def linear(self) -> SolveOptions:
         """The options of every linear solve."""
         return solve_options(
-            self.linear_tolerance, self.linear_max_iterations, solver=self.solver, projection=self.projection
+            self.linear_tolerance,
+            self.linear_max_iterations,
+            solver=self.solver,
+            projection=self.projection,
+            preconditioner=self.preconditioner,
         )
 
 
@@ -78,6 +83,10 @@ class NewtonReport:
     """Linear systems more, for directions around what is in the way of the first ones."""
     direct_solves: int = 0
     """Iterations whose system a direct solver took."""
+    two_level_solves: int = 0
+    """Iterations whose system had the two-level preconditioner."""
+    coarse_breakdowns: int = 0
+    """Iterations in which that one broke down and block Jacobi went on alone."""
     residual_force: float = np.nan
     """Largest force on a vertex, or other instance of a target, that was left at the end [N]: the gradient of all
     energies at the accepted state. It bounds what any force read there can be wrong by."""
@@ -105,6 +114,8 @@ class NewtonReport:
             projected=self.projected + other.projected,
             detours=self.detours + other.detours,
             direct_solves=self.direct_solves + other.direct_solves,
+            two_level_solves=self.two_level_solves + other.two_level_solves,
+            coarse_breakdowns=self.coarse_breakdowns + other.coarse_breakdowns,
             lagging_passes=max(self.lagging_passes, other.lagging_passes),
             lag_converged=False if self.lag_converged is False else other.lag_converged,
         )

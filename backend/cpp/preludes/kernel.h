@@ -37,6 +37,21 @@ struct Scratch {
 
 static inline V splat(double x) { return V{x, x, x, x, x, x, x, x}; }
 
+// Of whole packs: compiled lane by lane, halves of the result would go through memory, and reading it waits for both.
+static inline V v_sqrt(V a) {
+#if defined(__AVX512F__) && !defined(__clang__)
+    return __builtin_ia32_sqrtpd512_mask(a, a, (unsigned char)255, 4);  // 4: rounded as ever
+#else
+    V r;
+    for (int l = 0; l < 8; ++l) r[l] = __builtin_sqrt(a[l]);
+    return r;
+#endif
+}
+static inline V v_fabs(V a) {
+    typedef long Bits __attribute__((vector_size(64)));
+    return (V)((Bits)a & 0x7fffffffffffffffL);
+}
+
 // The same value, but one the compiler knows nothing about. Where the second operand of an interleaving shuffle is a
 // constant, GCC 12 may compile it as if both operands were the first (its vmovddup alternative).
 static inline V hidden(V x) {
@@ -80,29 +95,29 @@ static inline void transpose(V* a) {
     a[7] = __builtin_shufflevector(q01_high, q23_high, 4, 5, 6, 7, 12, 13, 14, 15);
 }
 
-// Where the instances first, first + 1, ... of a pack have `size` numbers each; lanes past the end repeat the last one.
-static inline void own_offsets(long first, long lanes, long size, long* at) {
+// The numbers of the instances of a pack; lanes past the end repeat the last one.
+static inline void own_instances(long first, long lanes, long* of) {
 #pragma GCC unroll 8
-    for (long l = 0; l < 8; ++l) at[l] = (first + (l < lanes ? l : lanes - 1)) * size;
+    for (long l = 0; l < 8; ++l) of[l] = first + (l < lanes ? l : lanes - 1);
 }
 
-// The same for what they are connected to: instance first + l to indices[l * arity].
-static inline void connected_offsets(const int* indices, long arity, long lanes, long size, long* at) {
+// Those of what they are connected to: the one of lane l to indices[l * arity].
+static inline void connected_instances(const int* indices, long arity, long lanes, long* of) {
     if (lanes == 8) {
 #pragma GCC unroll 8
-        for (long l = 0; l < 8; ++l) at[l] = indices[l * arity] * size;
+        for (long l = 0; l < 8; ++l) of[l] = indices[l * arity];
     } else {
-        for (long l = 0; l < 8; ++l) at[l] = indices[(l < lanes ? l : lanes - 1) * arity] * size;
+        for (long l = 0; l < 8; ++l) of[l] = indices[(l < lanes ? l : lanes - 1) * arity];
     }
 }
 
-// The first two numbers at p + at[l] of the instances l of a pack: pairs are loaded, and only then taken apart.
-static inline void gather_two(const double* p, const long* at, V* to) {
+// The first two numbers from at[l] + k on of the instances l of a pack: pairs are loaded, and only then taken apart.
+static inline void gather_two(const double* const* at, long k, V* to) {
     typedef double Pair __attribute__((vector_size(16)));
     typedef double Pair_unaligned __attribute__((vector_size(16), aligned(8), may_alias));
     Pair pair[8];
 #pragma GCC unroll 8
-    for (long l = 0; l < 8; ++l) pair[l] = *(const Pair_unaligned*)(p + at[l]);
+    for (long l = 0; l < 8; ++l) pair[l] = *(const Pair_unaligned*)(at[l] + k);
     const auto even_low = __builtin_shufflevector(pair[0], pair[2], 0, 1, 2, 3);
     const auto even_high = __builtin_shufflevector(pair[4], pair[6], 0, 1, 2, 3);
     const auto odd_low = __builtin_shufflevector(pair[1], pair[3], 0, 1, 2, 3);
@@ -113,18 +128,17 @@ static inline void gather_two(const double* p, const long* at, V* to) {
     to[1] = __builtin_shufflevector(even, odd, 1, 9, 3, 11, 5, 13, 7, 15);
 }
 
-// The n numbers at p + at[l] of the instances l of a pack.
-static inline void gather(const double* p, const long* at, long n, V* to) {
+// The n numbers from at[l] on of the instances l of a pack.
+static inline void gather(const double* const* at, long n, V* to) {
     long k = 0;
     for (; k + 8 <= n; k += 8) {
 #pragma GCC unroll 8
-        for (long l = 0; l < 8; ++l) to[k + l] = *(const V_unaligned*)(p + at[l] + k);
+        for (long l = 0; l < 8; ++l) to[k + l] = *(const V_unaligned*)(at[l] + k);
         transpose(to + k);
     }
-    for (; k + 2 <= n; k += 2) gather_two(p + k, at, to + k);
+    for (; k + 2 <= n; k += 2) gather_two(at, k, to + k);
     for (; k < n; ++k) {
-        const double* const q = p + k;
-        to[k] = V{q[at[0]], q[at[1]], q[at[2]], q[at[3]], q[at[4]], q[at[5]], q[at[6]], q[at[7]]};
+        to[k] = V{at[0][k], at[1][k], at[2][k], at[3][k], at[4][k], at[5][k], at[6][k], at[7][k]};
     }
 }
 

@@ -38,7 +38,7 @@ __device__ inline double magnitude(double v) { return fabs(v); }
 __device__ inline double with_sign(double v, double sign) { return copysign(v, sign); }
 __device__ inline double maximum(double a, double b) { return fmax(a, b); }
 __device__ inline double inverse(double v) { return 1.0 / v; }
-__device__ inline double square_root(double v) { return sqrt(v); }
+__device__ inline double reciprocal(double v) { return 1.0 / v; }
 __device__ inline double inverse_root(double v) { return rsqrt(v); }
 // The root and its inverse; of zero they are 0 and finite.
 __device__ inline void find_roots(double v, double* root, double* inverse_root) {

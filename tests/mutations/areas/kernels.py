@@ -12,7 +12,37 @@ BLOCKS = (
 DIVIDED = ("tests/backend/codegen/test_scalar_function.py",)
 NOT_FINITE = "tests/backend/cpp/test_not_finite.py"
 
+UNIONS = "tests/properties/test_unions.py"
+
 MUTATIONS = (
+    Mutation(
+        "a UNION's gradient is added where there is no target",
+        "backend/codegen/expanding_text.py",
+        'add if same.slot.is_target else f"if (kappa[{leaf}]) {add}"',
+        "add",
+        (f"{UNIONS}::test_unions_of_targets_and_constants",),
+    ),
+    Mutation(
+        "all members of a stored UNION start at 0",
+        "backend/codegen/object_text.py",
+        'f"({index} - {offsets}[{k}])" if k else index',
+        "index",
+        (f"{UNIONS}::test_unions_of_targets_and_constants",),
+    ),
+    Mutation(
+        "a UNION with a computed member of targets is taken for direct",
+        "backend/codegen/scene_view.py",
+        "self.is_direct(member) or not self.reaches_target(member)",
+        "True",
+        SCENES,
+    ),
+    Mutation(
+        "constants that a union leads back to are reordered",
+        "frontend/execution/instance_order.py",
+        "if _contains(connectivity.target, owner):",
+        "if connectivity.target is owner:",
+        (f"{UNIONS}::test_instances_keep_their_order_where_a_union_leads_back_to_them",),
+    ),
     Mutation(
         "kernels: a target's placement index off by one instance's",
         "backend/codegen/object_text.py",

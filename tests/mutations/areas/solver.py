@@ -7,6 +7,8 @@ from mutation import Mutation
 SOLVER = "tests/runtime/solvers/test_pcg.py"
 TEXTBOOK = (f"{SOLVER}::test_residuals_are_those_of_textbook_pcg",)
 ONE_ITERATION = (f"{SOLVER}::test_block_diagonal_system_takes_one_iteration",)
+TWO_LEVEL = "tests/runtime/solvers/test_two_level.py"
+COARSE = "runtime/solvers/coarse_space.cpp"
 DIRECT = "tests/runtime/solvers/test_direct.py"
 CODE, PRECONDITIONER = "runtime/solvers/pcg.cpp", "runtime/solvers/preconditioner.cpp"
 INVERSE = "runtime/solvers/inverse.h"
@@ -22,15 +24,15 @@ MUTATIONS = (
     Mutation(
         "conjugate gradients: x goes the other way",
         CODE,
-        "load(&w.x[i]) + step * direction);",
-        "load(&w.x[i]) - step * direction);",
+        "load(&w.x[i]) + step * direction);\n            store(&w.direction.data[i], load(&w.preconditioned[i]) + mix",
+        "load(&w.x[i]) - step * direction);\n            store(&w.direction.data[i], load(&w.preconditioned[i]) + mix",
         (f"{SOLVER}::test_solves_sum_of_parts",),
     ),
     Mutation(
         "conjugate gradients: the residual is absolute",
         CODE,
-        "const double relative = squared / reference;",
-        "const double relative = squared;",
+        "const double relative = damped / reference;",
+        "const double relative = damped;",
         TEXTBOOK,
     ),
     Mutation(
@@ -111,6 +113,69 @@ MUTATIONS = (
         "load(inverse + 4) * r[at + 1]",
         "load(inverse + 4) * r[at + 2]",
         TEXTBOOK,
+    ),
+    Mutation(
+        "two levels: contacts are left out of the coarse matrix",
+        COARSE,
+        "for (int p = 0; p < parts.count; ++p) add_part",
+        "for (int p = 0; p < 1; ++p) add_part",
+        (f"{TWO_LEVEL}::test_iterations_are_those_of_textbook_pcg",),
+    ),
+    Mutation(
+        "two levels: a block inside of an aggregate counts once",
+        COARSE,
+        "if (i == j && row != col) add(",
+        "if (false) add(",
+        (f"{TWO_LEVEL}::test_iterations_are_those_of_textbook_pcg",),
+    ),
+    Mutation(
+        "two levels: fixed unknowns move with their aggregate",
+        COARSE,
+        "aggregate < 0 || identity ?",
+        "aggregate < 0 ?",
+        (f"{TWO_LEVEL}::test_fixed_unknowns_stay",),
+    ),
+    Mutation(
+        "two levels: a pivot that is not positive is taken",
+        COARSE,
+        "if (!invert_lower(c)) return false;",
+        "invert_lower(c);",
+        (f"{TWO_LEVEL}::test_breakdown_is_said_and_block_jacobi_goes_on",),
+    ),
+    Mutation(
+        "two levels: the coarse part is left out of r^T z",
+        CODE,
+        "next += coarse_product(w.coarse, system.aggregates());",
+        "next += 0;",
+        (f"{TWO_LEVEL}::test_iterations_are_those_of_textbook_pcg",),
+    ),
+    Mutation(
+        "two levels: the tolerance is compared in the preconditioner's own norm",
+        CODE,
+        "            next += coarse_product(w.coarse, system.aggregates());\n",
+        "            next += coarse_product(w.coarse, system.aggregates());\n            damped = next;\n",
+        (f"{TWO_LEVEL}::test_iterations_are_those_of_textbook_pcg",),
+    ),
+    Mutation(
+        "two levels: aggregates outlive their structure",
+        "runtime/matrix/block_matrix.cpp",
+        "    s->aggregates.known = false;\n",
+        "",
+        (f"{TWO_LEVEL}::test_aggregates_follow_the_structure",),
+    ),
+    Mutation(
+        "two levels: more unknowns than there is room for",
+        "runtime/solvers/aggregates.cpp",
+        "unknowns + found.width[order[k]] <= kMostUnknowns",
+        "unknowns < 2 * kMostUnknowns",
+        (f"{TWO_LEVEL}::test_more_bodies_than_the_coarse_space_has_room_for",),
+    ),
+    Mutation(
+        "two levels: auto never comes back to block Jacobi",
+        "runtime/solvers/pcg.py",
+        "self.two_level = report.two_level and report.iterations > self.QUICK",
+        "self.two_level = self.two_level or report.two_level",
+        (f"{TWO_LEVEL}::test_auto_takes_it_where_block_jacobi_is_slow",),
     ),
     Mutation(
         "direct: SuperLU gets the upper triangle only",

@@ -8,6 +8,7 @@ MATRIX = "tests/runtime/matrix/test_block_matrix.py"
 SUM = (f"{MATRIX}::test_assembled_matrix_is_the_dense_sum",)
 ORDER = (f"{MATRIX}::test_groups_hold_each_block_once_in_order",)
 PRODUCT = (f"{MATRIX}::test_product_of_every_shape",)
+LARGE = "tests/runtime/matrix/test_large_sizes.py"
 REORDERED = ("tests/runtime/matrix/test_reordering.py",)
 CODE, MULTIPLY = "runtime/matrix/block_matrix.cpp", "runtime/matrix/multiply.cpp"
 
@@ -133,5 +134,19 @@ MUTATIONS = (
         "if (R == C && cols[b] == run->row) {",
         "if (R > C && cols[b] == run->row) {",
         PRODUCT,
+    ),
+    Mutation(
+        "local blocks are counted as slots are",
+        "runtime/matrix/block_matrix.py",
+        "count = sum(n * c * (c + 1) // 2 for n, c in",
+        "count = sum(n * c for n, c in",
+        (f"{LARGE}::test_local_blocks_of_all_energies_are_counted",),
+    ),
+    Mutation(
+        "the last pair that can be numbered is refused",
+        "runtime/collision/surface_pairs.py",
+        "    if count > MOST_PAIRS:",
+        "    if count >= MOST_PAIRS:",
+        (f"{LARGE}::test_pairs_of_surface_pieces_are_counted",),
     ),
 )

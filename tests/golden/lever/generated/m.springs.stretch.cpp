@@ -19,7 +19,8 @@ extern "C" void yasps<m.springs.stretch>_batch(Arguments a, long begin, long end
     for (long first = begin; first < end; first += 8) {
         const long lanes = end - first < 8 ? end - first : 8;
         V r0[4];
-        long at[8];
+        long of[8];
+        const double* at[8];
         for (long l = 0; l < 8; ++l) {
             const long i = first + (l < lanes ? l : lanes - 1);
             double one[4];
@@ -30,7 +31,7 @@ extern "C" void yasps<m.springs.stretch>_batch(Arguments a, long begin, long end
             for (long e = 0; e < 4; ++e) r0[e][l] = one[e];
             (void)i;
         }
-        (void)at;
+        (void)of, (void)at;
         V y[1];
         value_pack(r0, y);
         for (long l = 0; l < lanes; ++l)

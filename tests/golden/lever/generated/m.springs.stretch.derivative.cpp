@@ -45,7 +45,8 @@ extern "C" long yasps<m.springs.stretch.derivative>_derive(Arguments a, long beg
     for (long first = begin; first < end; first += 8) {
         const long lanes = end - first < 8 ? end - first : 8;
         V r0[4];
-        long at[8];
+        long of[8];
+        const double* at[8];
         for (long l = 0; l < 8; ++l) {
             const long i = first + (l < lanes ? l : lanes - 1);
             double one[4];
@@ -56,7 +57,7 @@ extern "C" long yasps<m.springs.stretch.derivative>_derive(Arguments a, long beg
             for (long e = 0; e < 4; ++e) r0[e][l] = one[e];
             (void)i;
         }
-        (void)at;
+        (void)of, (void)at;
         V energy[1], gradient[4];
         V middle[10];
         derive_pack(r0, energy, gradient, middle);

@@ -57,7 +57,8 @@ extern "C" void yasps<both.pp.barrier>_batch(Arguments a, long begin, long end, 
     for (long first = begin; first < end; first += 8) {
         const long lanes = end - first < 8 ? end - first : 8;
         V r0[6];
-        long at[8];
+        long of[8];
+        const double* at[8];
         for (long l = 0; l < 8; ++l) {
             const long i = first + (l < lanes ? l : lanes - 1);
             double one[6];
@@ -68,7 +69,7 @@ extern "C" void yasps<both.pp.barrier>_batch(Arguments a, long begin, long end, 
             for (long e = 0; e < 6; ++e) r0[e][l] = one[e];
             (void)i;
         }
-        (void)at;
+        (void)of, (void)at;
         V y[1];
         value_pack(r0, u0, y);
         for (long l = 0; l < lanes; ++l)

@@ -158,7 +158,8 @@ extern "C" long yasps<both.pp.barrier.derivative>_derive(Arguments a, long begin
         for (long first = start, pack = 0; first < stop; first += 8, ++pack) {
             const long lanes = stop - first < 8 ? stop - first : 8;
             V r0[6];
-            long at[8];
+            long of[8];
+            const double* at[8];
             for (long l = 0; l < 8; ++l) {
                 const long i = first + (l < lanes ? l : lanes - 1);
                 double one[6];
@@ -169,7 +170,7 @@ extern "C" long yasps<both.pp.barrier.derivative>_derive(Arguments a, long begin
                 for (long e = 0; e < 6; ++e) r0[e][l] = one[e];
                 (void)i;
             }
-            (void)at;
+            (void)of, (void)at;
             V energy[1], gradient[6];
             V* const middle = middle_of[pack];
             derive_pack(r0, u0, energy, gradient, middle);

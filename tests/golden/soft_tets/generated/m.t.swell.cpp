@@ -47,12 +47,15 @@ extern "C" void yasps<m.t.swell>_batch(Arguments a, long begin, long end, double
     for (long first = begin; first < end; first += 8) {
         const long lanes = end - first < 8 ? end - first : 8;
         V r0[12];
-        long at[8];
+        long of[8];
+        const double* at[8];
         for (long s = 0; s < 4; ++s) {
-            connected_offsets(p1 + first * 4 + s, 4, lanes, 3, at);
-            gather(p2, at, 3, r0 + s * 3);
+            connected_instances(p1 + first * 4 + s, 4, lanes, of);
+            #pragma GCC unroll 8
+            for (long l = 0; l < 8; ++l) at[l] = p2 + of[l] * 3;
+            gather(at, 3, r0 + s * 3);
         }
-        (void)at;
+        (void)of, (void)at;
         V y[1];
         value_pack(r0, u0, y);
         for (long l = 0; l < lanes; ++l)

@@ -442,12 +442,15 @@ extern "C" long yasps<m.t.swell.derivative>_derive(Arguments a, long begin, long
         for (long first = start, pack = 0; first < stop; first += 8, ++pack) {
             const long lanes = stop - first < 8 ? stop - first : 8;
             V r0[12];
-            long at[8];
+            long of[8];
+            const double* at[8];
             for (long s = 0; s < 4; ++s) {
-                connected_offsets(p1 + first * 4 + s, 4, lanes, 3, at);
-                gather(p2, at, 3, r0 + s * 3);
+                connected_instances(p1 + first * 4 + s, 4, lanes, of);
+                #pragma GCC unroll 8
+                for (long l = 0; l < 8; ++l) at[l] = p2 + of[l] * 3;
+                gather(at, 3, r0 + s * 3);
             }
-            (void)at;
+            (void)of, (void)at;
             V energy[1], gradient[12];
             V* const middle = middle_of[pack];
             V* const deformation = deformation_of[pack];

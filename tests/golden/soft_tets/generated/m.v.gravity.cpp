@@ -24,12 +24,17 @@ extern "C" void yasps<m.v.gravity>_batch(Arguments a, long begin, long end, doub
         const long lanes = end - first < 8 ? end - first : 8;
         V r0[3];
         V r1[1];
-        long at[8];
-        own_offsets(first, lanes, 3, at);
-        gather(p1, at, 3, r0);
-        own_offsets(first, lanes, 1, at);
-        gather(p2, at, 1, r1);
-        (void)at;
+        long of[8];
+        const double* at[8];
+        own_instances(first, lanes, of);
+        #pragma GCC unroll 8
+        for (long l = 0; l < 8; ++l) at[l] = p1 + of[l] * 3;
+        gather(at, 3, r0);
+        own_instances(first, lanes, of);
+        #pragma GCC unroll 8
+        for (long l = 0; l < 8; ++l) at[l] = p2 + of[l] * 1;
+        gather(at, 1, r1);
+        (void)of, (void)at;
         V y[1];
         value_pack(r0, r1, u0, y);
         for (long l = 0; l < lanes; ++l)

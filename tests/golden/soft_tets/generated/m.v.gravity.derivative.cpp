@@ -27,12 +27,17 @@ extern "C" long yasps<m.v.gravity.derivative>_derive(Arguments a, long begin, lo
         const long lanes = end - first < 8 ? end - first : 8;
         V r0[3];
         V r1[1];
-        long at[8];
-        own_offsets(first, lanes, 3, at);
-        gather(p1, at, 3, r0);
-        own_offsets(first, lanes, 1, at);
-        gather(p2, at, 1, r1);
-        (void)at;
+        long of[8];
+        const double* at[8];
+        own_instances(first, lanes, of);
+        #pragma GCC unroll 8
+        for (long l = 0; l < 8; ++l) at[l] = p1 + of[l] * 3;
+        gather(at, 3, r0);
+        own_instances(first, lanes, of);
+        #pragma GCC unroll 8
+        for (long l = 0; l < 8; ++l) at[l] = p2 + of[l] * 1;
+        gather(at, 1, r1);
+        (void)of, (void)at;
         V energy[1], gradient[3];
         derive_pack(r1, u0, energy, gradient);
         V check = sum_of_zeros(gradient, 3) + energy[0] * 0.0;

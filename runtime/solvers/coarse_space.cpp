@@ -1,0 +1,196 @@
+// The matrix of the coarse space of the two-level preconditioner, its inverse, and products with that.
+//
+// Every number is computed by one thread, from the same numbers in the same order: results do not depend on how many
+// threads there are.
+#include "solvers/coarse_space.h"
+
+#include "core/runtime.h"
+#include "solvers/preconditioner.h"
+
+namespace yasps {
+namespace {
+
+constexpr int kPanel = 8;  // columns that are eliminated together
+constexpr int kRows = 4;   // rows that are multiplied together
+
+inline d8 load8(const double* p) { return *reinterpret_cast<const d8*>(p); }
+inline void store8(double* p, d8 v) { *reinterpret_cast<d8*>(p) = v; }
+
+// Adds a block, or its transpose, to the coarse matrix from this place on.
+void add(double* to, long stride, const double* block, int r, int c, bool turned) {
+    if (r == 3 && c == 3) {
+        const int down = turned ? 1 : 3, right = turned ? 3 : 1;
+        for (int i = 0; i < 3; ++i)
+            for (int j = 0; j < 3; ++j) to[i * stride + j] += block[i * down + j * right];
+        return;
+    }
+    for (int i = 0; i < r; ++i)
+        for (int j = 0; j < c; ++j) {
+            if (turned)
+                to[j * stride + i] += block[i * c + j];
+            else
+                to[i * stride + j] += block[i * c + j];
+        }
+}
+
+// Adds P^T A P for those rows of the coarse matrix that are this thread's; the lower triangle.
+void add_part(CoarseSpace& c, const Structure& s, const double* values, const Aggregates& aggregates) {
+    const int thread = omp_get_thread_num(), threads = omp_get_num_threads();
+    const int absent = static_cast<int>(c.length);
+    for (int g = 0; g < s.group_count; ++g) {
+        const Group& group = s.groups[g];
+        const double* block = values + group.first_value;
+        for (long k = group.first_block; k < group.first_block + group.count; ++k, block += group.rows * group.cols) {
+            const int row = s.row[k], col = s.col[k];
+            const int above = aggregates.of[row], beside = aggregates.of[col];
+            if ((above > beside ? above : beside) % threads != thread) continue;
+            if (c.place[row] == absent || c.place[col] == absent) continue;
+            const int i = aggregates.first[above], j = aggregates.first[beside];
+            double* const lower = &c.matrix[i >= j ? i * c.stride + j : j * c.stride + i];
+            add(lower, c.stride, block, group.rows, group.cols, i < j);
+            if (i == j && row != col) add(lower, c.stride, block, group.rows, group.cols, true);
+        }
+    }
+}
+
+// The inverse of the diagonal block from `first` on, both triangles. Every thread computes the same.
+Reason invert_pivot(const CoarseSpace& c, long first, int size, double (&inverse)[kPanel * kPanel]) {
+    double factor[kPanel * kPanel];
+    for (int i = 0; i < size; ++i)
+        for (int j = 0; j < size; ++j) factor[i * size + j] = j <= i ? c.matrix[(first + i) * c.stride + first + j] : 0;
+    const Reason status = invert_factor_of(factor, size);
+    if (status != kConverged) return status;
+    for (int i = 0; i < size; ++i)
+        for (int j = 0; j <= i; ++j)
+            inverse[i * kPanel + j] = inverse[j * kPanel + i] = entry_of_inverse(factor, size, i, j);
+    return kConverged;
+}
+
+// row[0 .. length) -= sum over k of by[k] * panel row k.
+void eliminate(double* row, long length, const double* panel, long stride, const double* by) {
+    for (long j = 0; j < length; j += 8) {
+        d8 entries = load8(row + j);
+#pragma GCC unroll 8
+        for (int k = 0; k < kPanel; ++k) entries -= by[k] * load8(panel + k * stride + j);
+        store8(row + j, entries);
+    }
+}
+
+// The lower triangle becomes that of minus the inverse, by the symmetric sweep operator with blocks as pivots (Lange
+// 2010, Numerical Analysis for Statisticians, sec. 7.4). Without exchanges: pivots are those of Cholesky's method.
+bool invert_lower(CoarseSpace& c) {
+    const long n = c.unknowns, thread = omp_get_thread_num(), threads = omp_get_num_threads();
+    for (long first = 0; first < n; first += kPanel) {
+        const int size = static_cast<int>(n - first < kPanel ? n - first : kPanel);
+        double inverse[kPanel * kPanel] = {};
+        if (invert_pivot(c, first, size, inverse) != kConverged) return false;
+        const Range share = piece(c.stride / 8, thread, threads);
+        for (int k = 0; k < kPanel; ++k) {
+            double* const column = &c.panel[k * c.stride];
+            for (long i = 8 * share.begin; i < 8 * share.end; ++i) {
+                const bool outside = k < size && i < n && (i < first || i >= first + size);
+                column[i] = !outside    ? 0
+                            : i < first ? c.matrix[(first + k) * c.stride + i]
+                                        : c.matrix[i * c.stride + first + k];
+            }
+        }
+#pragma omp barrier
+        for (long i = thread; i < n; i += threads) {
+            if (i >= first && i < first + size) continue;
+            double by[kPanel] = {};
+            for (int k = 0; k < size; ++k)
+                for (int l = 0; l < size; ++l) by[k] += c.panel[l * c.stride + i] * inverse[l * kPanel + k];
+            double* const row = &c.matrix[i * c.stride];
+            eliminate(row, i + 1, c.panel.data, c.stride, by);
+            for (int k = 0; k < size; ++k) (i > first ? row[first + k] : c.matrix[(first + k) * c.stride + i]) = by[k];
+        }
+        if (thread == 0)
+            for (int k = 0; k < size; ++k)
+                for (int l = 0; l <= k; ++l) c.matrix[(first + k) * c.stride + first + l] = -inverse[k * kPanel + l];
+#pragma omp barrier
+    }
+    return true;
+}
+
+}  // namespace
+
+bool reserve_coarse_space(CoarseSpace& c, const Structure& structure, long pieces, long threads) {
+    const Aggregates& aggregates = structure.aggregates;
+    const long idle = padded_size(structure.layout.largest);
+    c.unknowns = aggregates.unknowns;
+    c.length = aggregates.length;
+    c.stride = (c.unknowns + 7) / 8 * 8;
+    c.restricted_length = c.length + idle;
+    return c.place.reserve(structure.layout.blocks) && c.matrix.reserve(c.unknowns * c.stride) &&
+           c.panel.reserve(kPanel * c.stride) && c.restricted.reserve(kCopies * pieces * c.restricted_length) &&
+           c.residual.reserve(threads * c.stride) && c.solution.reserve(c.restricted_length);
+}
+
+void place_blocks(CoarseSpace& c, const Structure& structure, const double* inverse, Range blocks) {
+    const Layout& layout = structure.layout;
+    const Aggregates& aggregates = structure.aggregates;
+    for (long b = blocks.begin; b < blocks.end; ++b) {
+        const int q = layout.size[b], stride = padded_size(q), aggregate = aggregates.of[b];
+        const double* const block = inverse + layout.inverse_start[b];
+        bool identity = true;
+        for (int i = 0; i < q && identity; ++i)
+            for (int j = 0; j < q; ++j) identity &= block[i * stride + j] == (i == j ? 1 : 0);
+        c.place[b] =
+            aggregate < 0 || identity ? static_cast<int>(c.length) : aggregates.padded_of[aggregates.first[aggregate]];
+    }
+}
+
+bool make_coarse_matrix(CoarseSpace& c, const Parts& parts) {
+    const Aggregates& aggregates = parts.structures[0]->aggregates;
+    const int thread = omp_get_thread_num(), threads = omp_get_num_threads();
+    for (int k = thread; k < aggregates.count; k += threads)
+        for (int i = aggregates.first[k]; i < aggregates.first[k + 1]; ++i)
+            for (long j = 0; j < c.stride; ++j) c.matrix[i * c.stride + j] = 0;
+    for (int p = 0; p < parts.count; ++p) add_part(c, *parts.structures[p], parts.values[p], aggregates);
+    // Of an aggregate whose blocks are all fixed nothing is left.
+    for (int k = thread; k < aggregates.count; k += threads)
+        for (int i = aggregates.first[k]; i < aggregates.first[k + 1]; ++i)
+            if (c.matrix[i * c.stride + i] == 0) c.matrix[i * c.stride + i] = 1;
+    if (thread == 0)
+        for (long i = 0; i < c.restricted_length; ++i) c.solution[i] = 0;
+#pragma omp barrier
+    if (!invert_lower(c)) return false;
+    for (long i = thread; i < c.unknowns; i += threads)
+        for (long j = i + 1; j < c.unknowns; ++j) c.matrix[i * c.stride + j] = c.matrix[j * c.stride + i];
+#pragma omp barrier
+    return true;
+}
+
+void solve_coarse(CoarseSpace& c, const Aggregates& aggregates, long pieces) {
+    const long thread = omp_get_thread_num(), threads = omp_get_num_threads();
+    double* const residual = &c.residual[thread * c.stride];
+    for (long i = 0; i < c.stride; ++i) residual[i] = 0;
+    for (long k = 0; k < kCopies * pieces; ++k)
+        for (long i = 0; i < c.unknowns; ++i)
+            residual[i] += c.restricted[k * c.restricted_length + aggregates.padded_of[i]];
+    const Range share = piece(c.unknowns, thread, threads);
+    for (long i = share.begin; i < share.end; i += kRows) {
+        const double* rows[kRows];  // the last ones may be the same
+        for (int k = 0; k < kRows; ++k) rows[k] = &c.matrix[(i + k < share.end ? i + k : share.end - 1) * c.stride];
+        d8 sums[kRows] = {};
+        for (long j = 0; j < c.stride; j += 8) {
+            const d8 entries = load8(residual + j);
+#pragma GCC unroll 4
+            for (int k = 0; k < kRows; ++k) sums[k] += load8(rows[k] + j) * entries;
+        }
+        for (int k = 0; k < kRows && i + k < share.end; ++k) {
+            const d8 sum = sums[k];
+            c.solution[aggregates.padded_of[i + k]] =
+                -(((sum[0] + sum[1]) + (sum[2] + sum[3])) + ((sum[4] + sum[5]) + (sum[6] + sum[7])));
+        }
+    }
+}
+
+double coarse_product(const CoarseSpace& c, const Aggregates& aggregates) {
+    const double* const residual = &c.residual[omp_get_thread_num() * c.stride];
+    double sum = 0;
+    for (long i = 0; i < c.unknowns; ++i) sum += residual[i] * c.solution[aggregates.padded_of[i]];
+    return sum;
+}
+
+}  // namespace yasps
