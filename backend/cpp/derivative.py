@@ -89,7 +89,8 @@ def _in_batches(text: CppObjectText, local: LocalDerivative, project: ProjectOp)
     call = "project((double*)middle_of"
     if project.deformation is not None:
         of_packs["deformation"] = width
-        call = "project_isotropic((double*)middle_of, (const double*)deformation_of"
+        known = "isotropic" if project.vectors is None else "two_vectors"
+        call = f"project_{known}((double*)middle_of, (const double*)deformation_of"
     of_packs |= {name: sizes[name] for name in sorted(kept)}
     of_pack = {name: f"V* const {name} = {name}_of[pack];" for name in of_packs}
     shared = [of_pack[name] for name in sorted(kept)]

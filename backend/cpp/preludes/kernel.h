@@ -37,6 +37,21 @@ struct Scratch {
 
 static inline V splat(double x) { return V{x, x, x, x, x, x, x, x}; }
 
+// Of whole packs: compiled lane by lane, halves of the result would go through memory, and reading it waits for both.
+static inline V v_sqrt(V a) {
+#if defined(__AVX512F__) && !defined(__clang__)
+    return __builtin_ia32_sqrtpd512_mask(a, a, (unsigned char)255, 4);  // 4: rounded as ever
+#else
+    V r;
+    for (int l = 0; l < 8; ++l) r[l] = __builtin_sqrt(a[l]);
+    return r;
+#endif
+}
+static inline V v_fabs(V a) {
+    typedef long Bits __attribute__((vector_size(64)));
+    return (V)((Bits)a & 0x7fffffffffffffffL);
+}
+
 // The same value, but one the compiler knows nothing about. Where the second operand of an interleaving shuffle is a
 // constant, GCC 12 may compile it as if both operands were the first (its vmovddup alternative).
 static inline V hidden(V x) {
