@@ -70,6 +70,14 @@ class ObjectCode:
     workspace: int = 0
 
 
+def object_code(
+    name: str, text: str, bindings: tuple[Binding, ...], entries: tuple[str, ...], workspace: int = 0
+) -> ObjectCode:
+    """The file with this text, where SELF stands for its symbol."""
+    symbol = "yasps_" + hashlib.sha256(text.encode()).hexdigest()[:20]
+    return ObjectCode(name, symbol, text.replace(SELF, symbol), bindings, entries, workspace)
+
+
 class ObjectEmitter(ABC):
     """Emits the objects of one scene, each once, callees first."""
 
@@ -336,15 +344,7 @@ class ObjectText(ABC):
         else:
             self.attribute(self.definition)
         text = "\n".join([*self.preludes, *self.helpers(), *self.externs, *self.parts])
-        symbol = "yasps_" + hashlib.sha256(text.encode()).hexdigest()[:20]
-        return ObjectCode(
-            self.name,
-            symbol,
-            text.replace(SELF, symbol),
-            tuple(self.bindings),
-            tuple(self.entries),
-            self.workspace,
-        )
+        return object_code(self.name, text, tuple(self.bindings), tuple(self.entries), self.workspace)
 
     @abstractmethod
     def helpers(self) -> list[str]:

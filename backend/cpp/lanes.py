@@ -8,11 +8,13 @@ any; the latter those of one branch, which have the same leaves, and the columns
 
 from __future__ import annotations
 
+import re
 from typing import TYPE_CHECKING
 
 from xdsl.ir import SSAValue
 
-from yasps.backend.codegen.object_text import size_of
+from yasps.backend.codegen.object_text import SELF, ObjectCode, object_code, size_of
+from yasps.backend.codegen.preludes import PRELUDES
 from yasps.backend.codegen.scene_view import Slot
 from yasps.backend.codegen.slots import SlotRange, block, each, place, ranges_of
 from yasps.dialects.rel import ApplyOp, AttributeOp, JacobianOp, ReadOp, UnionOp, YieldOp, YieldPullbackOp, name_of
@@ -22,12 +24,23 @@ if TYPE_CHECKING:
     from yasps.backend.cpp.object import CppObjectText
 
 
+ADDING_OBJECT = "_lanes"
+"""Name of the object that adds what was derived for packs; names of users begin with a letter."""
+ADDING = {
+    "gradient": "const yasps_sink& sink, const LaneSlot* slots, long count, const int* kappa, long capacity, "
+    "unsigned lanes, const V* gradient, const LaneRoom& room",
+    "hessian": "const yasps_sink& sink, LaneSlot* slots, long count, const long* position, long capacity, "
+    "unsigned lanes, const V* h, long n, const LaneRoom& room",
+}
+"""Its entries, and their parameters."""
+
+
 # -- kernels of energies -----------------------------------------------------------------------------------
 
 
 def declare_slots(text: CppObjectText, local: LocalDerivative) -> list[str]:
     """Declares `slots`, with what is the same for all packs, and `room`."""
-    text.begin_with("backend/cpp/preludes/scatter.h", "backend/cpp/preludes/lanes.h")
+    text.begin_with("backend/cpp/preludes/lanes.h")
     n = local.n
     lines = [f"LaneSlot slots[{len(local.slots)}] = {{}};"]
     for same in ranges_of(local.slots):
@@ -95,7 +108,7 @@ def add_gradient(text: CppObjectText, local: LocalDerivative) -> list[str]:
     """Statements that add `gradient` of a pack to the global one."""
     count, capacity = len(local.slots), local.capacity
     kappa = f"sink.kappa + first * {capacity}, {capacity}"
-    add = f"add_gradient_of_lanes(sink, taken, {count}, {kappa}, same, gradient, room.both, room.sizes);"
+    add = f"{_adding(text, 'gradient')}(sink, taken, {count}, {kappa}, same, gradient, room);"
     return [*fill_slots(text, local), *in_branches(local, [add])]
 
 
@@ -103,11 +116,35 @@ def add_hessian(text: CppObjectText, local: LocalDerivative, packed: str, direct
     """Statements that add all blocks of a pack; direct: those that do so where all slots of all lanes are direct."""
     count = len(local.slots)
     place_of = f"sink.position + first * {local.pairs}, {local.capacity}"
-    add = [f"add_hessian_of_lanes(sink, taken, {count}, {place_of}, same, {packed}, {local.n}, room);"]
+    add = [f"{_adding(text, 'hessian')}(sink, taken, {count}, {place_of}, same, {packed}, {local.n}, room);"]
     if all(_may_be_direct(text, slot.source) for slot in local.slots):
         head = f"if (same == (1u << lanes) - 1 && all_direct(taken, {count}))"
         add = [*block(head, direct), *block("else", add)]
     return [*fill_slots(text, local), *in_branches(local, add)]
+
+
+def adding_object() -> ObjectCode:
+    """What adds gradients and Hessians of packs: the same file for all kernels of all scenes."""
+    paths = ("runtime/core/sink.h", *(f"backend/cpp/preludes/{name}.h" for name in ("kernel", "scatter", "lanes")))
+    functions = [
+        f'extern "C" void {SELF}_{entry}({parameters}) {{ add_{entry}_of_lanes({_names(parameters)}); }}\n'
+        for entry, parameters in ADDING.items()
+    ]
+    texts = [PRELUDES[path] for path in (*paths, "backend/cpp/preludes/add_lanes.h")]
+    return object_code(ADDING_OBJECT, "\n".join([*texts, *functions]), (), tuple(ADDING))
+
+
+def _adding(text: CppObjectText, entry: str) -> str:
+    """The function that adds gradients or Hessians of packs, declared."""
+    code = text.emitter.codes.setdefault(ADDING_OBJECT, adding_object())
+    function = f"{code.symbol}_{entry}"
+    text.externs[f'extern "C" void {function}({ADDING[entry]});'] = None
+    return function
+
+
+def _names(parameters: str) -> str:
+    """Of the parameters in a declaration."""
+    return ", ".join(re.split(r"[ *&]", parameter)[-1] for parameter in parameters.split(", "))
 
 
 def branches_entry(text: CppObjectText, local: LocalDerivative) -> None:
@@ -122,8 +159,6 @@ def branches_entry(text: CppObjectText, local: LocalDerivative) -> None:
             lines += block("", [f"const long j = {index};", f"number = number * {end} + {branch};"])
     if total == 1:
         return
-    from yasps.backend.codegen.object_text import SELF
-
     body = block("for (long i = begin; i < end; ++i)", [*lines, "out[i - begin] = (long)number;"])
     text.entry("branches", f"void {SELF}_branches(Arguments a, long begin, long end, long* out)", body)
 

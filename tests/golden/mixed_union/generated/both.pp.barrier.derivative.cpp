@@ -25,8 +25,10 @@ static inline V v_log(V a) {
 }
 #endif
 
+extern "C" void yasps<_lanes>_hessian(const yasps_sink& sink, LaneSlot* slots, long count, const long* position, long capacity, unsigned lanes, const V* h, long n, const LaneRoom& room);
 extern "C" long yasps<both.v.x>_pull_lanes(Arguments a, const long* own, const V* b, long n, V* out, int* sizes);
 extern "C" void yasps<both.v.x>_value_lanes(Arguments a, const long* own, V* out);
+extern "C" void yasps<_lanes>_gradient(const yasps_sink& sink, const LaneSlot* slots, long count, const int* kappa, long capacity, unsigned lanes, const V* gradient, const LaneRoom& room);
 static inline void pull_back_pack(const V* x0, V* __restrict y0) {
     const V t6 = -x0[0];
     y0[3] = t6;
@@ -198,7 +200,7 @@ extern "C" long yasps<both.pp.barrier.derivative>_derive(Arguments a, long begin
                 LaneSlot taken[2];
                 const unsigned same = take_branches(slots, 2, left, taken);
                 left &= ~same;
-                add_gradient_of_lanes(sink, taken, 2, sink.kappa + first * 4, 4, same, gradient, room.both, room.sizes);
+                yasps<_lanes>_gradient(sink, taken, 2, sink.kappa + first * 4, 4, same, gradient, room);
             }
         }
         if (!sink.tiles) continue;
@@ -229,7 +231,7 @@ extern "C" long yasps<both.pp.barrier.derivative>_derive(Arguments a, long begin
                     }
                 }
                 else {
-                    add_hessian_of_lanes(sink, taken, 2, sink.position + first * 10, 4, same, hessian, 6, room);
+                    yasps<_lanes>_hessian(sink, taken, 2, sink.position + first * 10, 4, same, hessian, 6, room);
                 }
             }
         }
