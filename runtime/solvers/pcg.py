@@ -164,8 +164,9 @@ class PcgSolver(Uncopied):
 
         The two-level preconditioner is D^-1 + P (P^T H P)^-1 P^T, where P moves the dof blocks of an aggregate
         together, blocks of one size that are coupled in parts[0]. Aggregates are so large that the square of the coarse
-        space's unknowns is about 0.15 of the numbers in parts[0], and they are at most 1,000. Aggregates are kept while parts[0] has its structure; numbers are those of this system.
-        Where P^T H P is not positive definite, block Jacobi goes on alone, and report and log say so.
+        space's unknowns is about 0.15 of the numbers in parts[0], and they are at most 1,000. Aggregates are kept while
+        parts[0] has its structure; numbers are those of this system. Where P^T H P is not positive definite, block
+        Jacobi goes on alone, and report and log say so.
 
         Returns x and the report; always look at `report.reason`. x is the last iterate (x0 when the iteration could not
         start). The result is the same bit for bit in every run with the same number of threads, of a deterministic
