@@ -31,8 +31,8 @@ CHOICES: dict[type[Operation], str] = {
 }
 """Valid on one number and on packs alike, where a comparison gives a mask; the sum is NaN where an operand is."""
 COMPARISONS = {"olt": "{0} < {1}", "ole": "{0} <= {1}", "one": "({0} < {1}) | ({1} < {0})"}
-BUILT_IN = frozenset({"sqrt", "fabs"})
-"""Compiled to an instruction; everything else is a function of the C library."""
+OF_THE_PRELUDE = frozenset({"sqrt", "fabs"})
+"""Instructions, whose packs backend/cpp/preludes/kernel.h has; everything else is a function of the C library."""
 OF_TWO = frozenset({"pow", "atan2"})
 """Functions of two numbers."""
 
@@ -193,8 +193,9 @@ def _expression(op: Operation, names: dict[SSAValue, str], scalar: str, math_pre
 
 
 def words_used(functions: Sequence[func.FuncOp]) -> list[str]:
-    """Mathematical functions that these functions call."""
-    return sorted({CALLS[type(inner)] for op in functions for inner in op.body.block.ops if type(inner) in CALLS})
+    """Functions of the C library that these functions call."""
+    called = {CALLS[type(inner)] for op in functions for inner in op.body.block.ops if type(inner) in CALLS}
+    return sorted(called - OF_THE_PRELUDE)
 
 
 def vector_function(word: str, has_vector_math: bool) -> str:
@@ -204,7 +205,7 @@ def vector_function(word: str, has_vector_math: bool) -> str:
     lanes = ", ".join(f"{p}[l]" for p in "ab"[:arity])
     call = f"__builtin_{word}({lanes})"
     by_lane = f"    V r;\n    for (int l = 0; l < 8; ++l) r[l] = {call};\n    return r;\n"
-    if word in BUILT_IN or not has_vector_math:
+    if not has_vector_math:
         return f"static inline V v_{word}({parameters}) {{\n{by_lane}}}\n"
     v = "v" * arity
     whole, half = f"_ZGVeN8{v}_{word}", f"_ZGVdN4{v}_{word}"

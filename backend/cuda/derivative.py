@@ -79,7 +79,7 @@ def _hessian(text: CudaObjectText, local: LocalDerivative) -> list[str]:
 def _projection(text: CudaObjectText, project: ProjectOp) -> list[str]:
     """Calls the runtime's projection; what it works on is in global memory where the stack would be too large."""
     width = project.width.value.data
-    if project.deformation is not None:
+    if project.deformation is not None and project.vectors is None:
         return [f"const int changed = yasps_project_isotropic(middle, deformation, {width}, (int)mode);"]
     work = width * (width + 2)
     if 8 * (size_of(project.packed) + work) <= LARGEST_STACK:

@@ -35,6 +35,8 @@ if TYPE_CHECKING:
 PROJECTION_MODES = ("clamp", "abs")
 ISOTROPIC_WIDTHS = (9, 6)
 """Of Hessians with respect to a 3x3 or 3x2 matrix, which can be projected by its singular values."""
+TWO_VECTORS = (2, 3)
+"""Shape of two vectors of space, one a row, in whose frame their Hessian can be projected."""
 
 
 @irdl_op_definition
@@ -190,7 +192,9 @@ class ProjectPsdOp(MatOp):
     """A symmetric matrix made positive semi-definite: negative eigenvalues to 0 ("clamp") or to |.| ("abs").
 
     Solved at run time by the projection kernel; paper, section 5.4. A second operand f does not change what the result
-    is: it says that the matrix is the Hessian of an energy isotropic in f, by f's entries, row by row (3x3 or 3x2).
+    is: it says that the matrix is the Hessian of an energy isotropic in f, by f's entries, row by row. f is a matrix
+    (3x3 or 3x2) of which the energy sees the singular values, or two vectors (2x3, one a row) of which it sees the
+    lengths and the angle between them.
     """
 
     name = "mat.project_psd"

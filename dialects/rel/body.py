@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from math import prod
 from typing import Self, cast
 
 from xdsl.dialects.builtin import ArrayAttr, IntegerAttr, IntegerType, StringAttr, SymbolRefAttr, UnitAttr, i64
@@ -26,7 +27,7 @@ from xdsl.traits import Pure
 from xdsl.utils.exceptions import VerifyException
 
 from yasps.dialects.mat import Matrix, matrix_type, shape_of
-from yasps.dialects.mat.calculus import ISOTROPIC_WIDTHS, PROJECTION_MODES
+from yasps.dialects.mat.calculus import ISOTROPIC_WIDTHS, PROJECTION_MODES, TWO_VECTORS
 from yasps.dialects.mat.syntax import parse_type, parse_value, parse_values, print_type, print_values
 from yasps.dialects.rel.declarations import symbol
 from yasps.dialects.rel.syntax import ResultType
@@ -225,7 +226,8 @@ class ProjectOp(IRDLOperation):
     """The projection kernel on the packed upper triangle (row-major) of a `width` x `width` symmetric matrix.
 
     `isotropic in` f: the matrix is the Hessian of an energy isotropic in f, by f's entries (row-major, 3x3 or 3x2). The
-    result is the same, but may be found by the singular values of f.
+    result is the same, but may be found by the singular values of f. `isotropic in vectors` f: the same of an energy of
+    two vectors of space, one after the other, found in their plane and across it.
     """
 
     name = "rel.project"
@@ -234,12 +236,19 @@ class ProjectOp(IRDLOperation):
     result = result_def()
     width = prop_def(IntegerAttr)
     mode = prop_def(StringAttr)
+    vectors = opt_prop_def(UnitAttr)
     traits = traits_def(Pure())
 
-    def __init__(self, packed: SSAValue, width: int, mode: str, deformation: SSAValue | None = None) -> None:
+    def __init__(
+        self, packed: SSAValue, width: int, mode: str, deformation: SSAValue | None = None, *, vectors: bool = False
+    ) -> None:
         super().__init__(
             operands=[packed, deformation],
-            properties={"width": IntegerAttr(width, i64), "mode": StringAttr(mode)},
+            properties={
+                "width": IntegerAttr(width, i64),
+                "mode": StringAttr(mode),
+                "vectors": UnitAttr() if vectors else None,
+            },
             result_types=[packed.type],
         )
 
@@ -253,6 +262,8 @@ class ProjectOp(IRDLOperation):
                 raise VerifyException(
                     f"a 9x9 matrix can be isotropic in 9 entries and a 6x6 in 6, got {width}x{width} and {rows}x{cols}"
                 )
+        if self.vectors is not None and (self.deformation is None or width != prod(TWO_VECTORS)):
+            raise VerifyException(f"two vectors have a 6x6 matrix, got {width}x{width}")
         if self.mode.data not in PROJECTION_MODES:
             raise VerifyException(f"mode must be one of {', '.join(PROJECTION_MODES)}, got {self.mode.data!r}")
 
@@ -263,7 +274,7 @@ class ProjectOp(IRDLOperation):
         printer.print_string(f" width {self.width.value.data} mode ")
         printer.print_string_literal(self.mode.data)
         if self.deformation is not None:
-            printer.print_string(" isotropic in ")
+            printer.print_string(" isotropic in vectors " if self.vectors is not None else " isotropic in ")
             print_values(printer, [self.deformation])
         printer.print_op_attributes(self.attributes)
         printer.print_string(" : ")
@@ -277,12 +288,14 @@ class ProjectOp(IRDLOperation):
         width = IntegerAttr(parser.parse_integer(), i64)
         parser.parse_keyword("mode")
         mode = StringAttr(parser.parse_str_literal())
+        properties: dict[str, Attribute] = {"width": width, "mode": mode}
         if parser.parse_optional_keyword("isotropic"):
             parser.parse_keyword("in")
+            if parser.parse_optional_keyword("vectors"):
+                properties["vectors"] = UnitAttr()
             operands.append(parse_value(parser))
         attributes = parser.parse_optional_attr_dict()
         parser.parse_punctuation(":")
-        properties = {"width": width, "mode": mode}
         return cls.create(
             operands=operands, result_types=[parse_type(parser)], properties=properties, attributes=attributes
         )

@@ -9,7 +9,7 @@ from xdsl.dialects.builtin import ModuleOp
 from xdsl.ir import SSAValue
 
 from yasps.dialects.mat import shape_of, spell
-from yasps.dialects.mat.calculus import ISOTROPIC_WIDTHS, ProjectPsdOp
+from yasps.dialects.mat.calculus import ISOTROPIC_WIDTHS, TWO_VECTORS, ProjectPsdOp
 from yasps.dialects.rel import (
     ApplyOp,
     AttributeOp,
@@ -24,7 +24,7 @@ from yasps.frontend.execution.emit import SceneEmitter
 from yasps.frontend.execution.scene_source import CompileRequest, watching_compiles
 from yasps.passes.analysis.dependence import size_of
 from yasps.passes.analysis.derivative_summary import DerivativeSummary
-from yasps.passes.analysis.isotropy import is_deformation, obstacle
+from yasps.passes.analysis.isotropy import are_two_vectors, is_deformation, obstacle
 from yasps.passes.errors import CompileError
 from yasps.passes.ir_text import text_of
 from yasps.passes.pipeline import run_pipeline
@@ -129,12 +129,15 @@ def _isotropy(derivative: DerivativeOp) -> str:
     if projection is None:
         return "not looked for: nothing is projected at a cut"
     if len(projection.operands) > 1:
+        if shape_of(projection.operands[1]) == TWO_VECTORS:
+            return "proven in two vectors"
         return f"proven in a {_spelled(projection.operands[1])} matrix"
     cut = list(terminator.cut)
     width = shape_of(projection.result)[0]
-    if width not in ISOTROPIC_WIDTHS or len(cut) != 1 or not is_deformation(block, cut[0]):
-        return "not looked for: the cut is no matrix of 3x3 or 3x2"
-    stop = obstacle(block, terminator.energy, cut[0], terminator.wrt)
+    is_matrix = width in ISOTROPIC_WIDTHS and len(cut) == 1 and is_deformation(block, cut[0])
+    if not is_matrix and not are_two_vectors(cut):
+        return "not looked for: the cut is no matrix of 3x3 or 3x2 and not two vectors"
+    stop = obstacle(block, terminator.energy, cut, terminator.wrt)
     return f"not proven: stopped by {text_of(stop).strip()}" if stop is not None else "not proven"
 
 

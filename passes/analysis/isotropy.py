@@ -1,10 +1,12 @@
-"""Proof that a number depends on a matrix F only through what rotations leave alone: on its singular values.
+"""Proof that a number depends on a matrix F only through what rotations leave alone: on its singular values; or on two
+vectors of space only through their lengths and the angle between them.
 
 Under F -> R F Q with rotations R and Q, every matrix made of F is multiplied by rotations from both sides, or is not
 known to be. So each of the two indices of a matrix lives in a space: the deformed one, which R turns, the undeformed
 one, which Q turns, or one that nothing turns. F maps the undeformed space to the deformed one; F^T F maps the
 undeformed one to itself. A product sums over one space; numbers made of indices that all meet their like do not change.
-What operations do to spaces is an abstract interpretation, one rule for each operation that has one.
+Vectors of space live in the deformed space with their one long index, and R turns them all. What operations do to
+spaces is an abstract interpretation, one rule for each operation that has one.
 """
 
 from __future__ import annotations
@@ -43,6 +45,9 @@ class Spaces(NamedTuple):
 
 FIXED = Spaces(Space.FIXED, Space.FIXED)
 DEFORMATION = Spaces(Space.DEFORMED, Space.UNDEFORMED)
+VECTORS = {(3, 1): Spaces(Space.DEFORMED, Space.FIXED), (1, 3): Spaces(Space.FIXED, Space.DEFORMED)}
+START = VECTORS | dict.fromkeys(ISOTROPIC_SHAPES, DEFORMATION)
+"""Of what an energy sees, by its shape."""
 
 
 class AnySpace:
@@ -61,13 +66,20 @@ def depends_on_invariants(block: Block, energy: SSAValue, deformation: SSAValue,
     mean that no rule knows an operation. What is held constant for differentiation counts as constant, and each side
     of a choice on its own: the proof is about first and second derivatives.
     """
-    return _known_spaces(block, energy, deformation, active).get(energy) == FIXED
+    return _known_spaces(block, energy, [deformation], active).get(energy) == FIXED
 
 
-def obstacle(block: Block, energy: SSAValue, deformation: SSAValue, active: Sequence[SSAValue]) -> MatOp | None:
-    """The operation that stops the proof of `depends_on_invariants`: the first whose operands are known, but not what
-    rotations do to its result. None where there is no such operation, as where the proof succeeds."""
-    known = _known_spaces(block, energy, deformation, active)
+def depends_on_angles(block: Block, energy: SSAValue, vectors: Sequence[SSAValue], active: Sequence[SSAValue]) -> bool:
+    """Do rotations of space that turn all of these vectors, 3x1 or 1x3, leave the 1x1 value `energy` alone, which sees
+    the `active` values through them? As `depends_on_invariants`."""
+    return _known_spaces(block, energy, vectors, active).get(energy) == FIXED
+
+
+def obstacle(block: Block, energy: SSAValue, cut: Sequence[SSAValue], active: Sequence[SSAValue]) -> MatOp | None:
+    """The operation that stops the proof of `depends_on_invariants`, or of `depends_on_angles`, in the values of `cut`:
+    the first whose operands are known, but not what rotations do to its result. None where there is no such operation,
+    as where the proof succeeds."""
+    known = _known_spaces(block, energy, cut, active)
     for op in block.ops:
         stops = isinstance(op, MatOp) and op.operands and op.result in known and known[op.result] is None
         if stops and all(known[operand] is not None for operand in op.operands):
@@ -76,17 +88,16 @@ def obstacle(block: Block, energy: SSAValue, deformation: SSAValue, active: Sequ
 
 
 def _known_spaces(
-    block: Block, energy: SSAValue, deformation: SSAValue, active: Sequence[SSAValue]
+    block: Block, energy: SSAValue, cut: Sequence[SSAValue], active: Sequence[SSAValue]
 ) -> dict[SSAValue, Known | None]:
     known: dict[SSAValue, Known | None] = dict.fromkeys(active)
-    if shape_of(deformation) in ISOTROPIC_SHAPES:
-        known[deformation] = DEFORMATION
+    known |= {value: START[shape_of(value)] for value in cut if shape_of(value) in START}
     for op in block.ops:
         if not isinstance(op, MatOp):
             for result in op.results:
                 known.setdefault(result, FIXED)
         elif op.result not in known:
-            known[op.result] = _spaces_of(op, [known[operand] for operand in op.operands], deformation)
+            known[op.result] = _spaces_of(op, [known[operand] for operand in op.operands], cut)
         if energy in known:
             break  # what follows are its derivatives
     return known
@@ -104,10 +115,15 @@ def _is_reshaped(op: object, deformation: SSAValue) -> bool:
     return isinstance(op, ReshapeOp) and op.operands[0] is deformation and shape_of(op.result) in ISOTROPIC_SHAPES
 
 
-def _spaces_of(op: MatOp, operands: list[Known | None], deformation: SSAValue) -> Known | None:
+def are_two_vectors(values: Sequence[SSAValue]) -> bool:
+    """Can `depends_on_angles` be asked about these values?"""
+    return len(values) == 2 and all(shape_of(value) in VECTORS for value in values)
+
+
+def _spaces_of(op: MatOp, operands: list[Known | None], cut: Sequence[SSAValue]) -> Known | None:
     if op.HELD_CONSTANT:
         return FIXED
-    if _is_reshaped(op, deformation):
+    if any(_is_reshaped(op, value) for value in cut):
         return DEFORMATION
     if not operands:
         entries = constant_value(op.result)

@@ -20,7 +20,7 @@ from xdsl.passes import ModulePass
 
 from yasps.dialects.mat import MatOp, Matrix, matrix_type, shape_of
 from yasps.dialects.mat.builder import named
-from yasps.dialects.mat.calculus import ProjectPsdOp
+from yasps.dialects.mat.calculus import TWO_VECTORS, ProjectPsdOp
 from yasps.dialects.rel import (
     ApplyOp,
     AttributeOp,
@@ -297,7 +297,9 @@ def _lower_derivative(container: Container, derivative: DerivativeOp) -> None:
         assert hessian is not None
         assert terminator.hessian is not None
         width = shape_of(projection.result)[0]
-        project = ProjectOp(hessian, width, projection.mode.data, results[3] if len(results) == 4 else None)
+        deformation = results[3] if len(results) == 4 else None
+        vectors = deformation is not None and shape_of(projection.operands[1]) == TWO_VECTORS
+        project = ProjectOp(hessian, width, projection.mode.data, deformation, vectors=vectors)
         b.append(project)
         hessian = named(project.result, "projected")
         if terminator.hessian is not projection.result:

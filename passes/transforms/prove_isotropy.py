@@ -1,9 +1,9 @@
-"""`prove-isotropy`: finds energies that see one matrix F, and of F only what rotations leave alone.
+"""`prove-isotropy`: finds energies that see one matrix F, or two vectors, and of them only what rotations leave alone.
 
 Their Hessian with respect to F falls apart in the frames of F's singular value decomposition, so that it is projected
-at a fraction of the cost of its eigenvalues (`runtime/projection/isotropic.cpp`). F is the cut that `differentiate`
-wrote down. The projection gets it as a second operand; its meaning stays the same. An energy without a proof stays as
-it is.
+at a fraction of the cost of its eigenvalues (`runtime/projection/isotropic.cpp`); that of two vectors in the plane that
+both lie in (`runtime/projection/two_vectors.cpp`). F, or the vectors, are the cut that `differentiate` wrote down. The
+projection gets them as a second operand; its meaning stays the same. An energy without a proof stays as it is.
 """
 
 from __future__ import annotations
@@ -13,14 +13,15 @@ from typing import cast
 
 from xdsl.context import Context
 from xdsl.dialects.builtin import ModuleOp, StringAttr
-from xdsl.ir import SSAValue
+from xdsl.ir import Block
 from xdsl.passes import ModulePass
 
 from yasps.dialects.mat import Matrix, shape_of
+from yasps.dialects.mat.builder import MatBuilder
 from yasps.dialects.mat.calculus import ISOTROPIC_WIDTHS, ProjectPsdOp
 from yasps.dialects.rel import DerivativeOp, YieldDerivativeOp, name_of
 from yasps.passes.analysis.dependence import size_of
-from yasps.passes.analysis.isotropy import depends_on_invariants, is_deformation
+from yasps.passes.analysis.isotropy import are_two_vectors, depends_on_angles, depends_on_invariants, is_deformation
 from yasps.passes.bodies import containers
 from yasps.passes.errors import working_on
 
@@ -42,32 +43,31 @@ class ProveIsotropy(ModulePass):
 def _prove(derivative: DerivativeOp) -> None:
     block = derivative.body.block
     projection = next((op for op in block.ops if isinstance(op, ProjectPsdOp)), None)
+    terminator = block.last_op
+    assert isinstance(terminator, YieldDerivativeOp)
     if projection is None or len(projection.operands) > 1:
         return
-    width = shape_of(projection.result)[0]
-    deformation = _isotropic_in(derivative, width) if width in ISOTROPIC_WIDTHS else None
-    if deformation is None:
+    width, cut = shape_of(projection.result)[0], list(terminator.cut)
+    if sum(size_of(value) for value in cut) != width:
+        return
+    if width in ISOTROPIC_WIDTHS and len(cut) == 1 and is_deformation(block, cut[0]):
+        if not depends_on_invariants(block, terminator.energy, cut[0], terminator.wrt):
+            return
+        seen, shape = cut[0], "3x3" if width == 9 else "3x2"
+        why = f"by singular values: isotropic in this {shape} matrix"
+    elif are_two_vectors(cut) and depends_on_angles(block, terminator.energy, cut, terminator.wrt):
+        b = MatBuilder(Block())
+        seen = b.concat_rows([b.reshape(value, (1, 3)) for value in cut])
+        for op in list(b.body.ops):
+            block.insert_op_before(b.body.detach_op(op), projection)
+        why = "in the plane of two vectors and across it: isotropic in them"
+    else:
         return
     matrix = cast(Matrix, projection.result.type)
-    told = ProjectPsdOp([projection.operands[0], deformation], matrix, dict(projection.properties))
+    told = ProjectPsdOp([projection.operands[0], seen], matrix, dict(projection.properties))
     block.insert_op_before(told, projection)
     told.result.name_hint = projection.result.name_hint
     projection.result.replace_all_uses_with(told.result)
     block.erase_op(projection)
     assert derivative.projects is not None
-    shape = "3x3" if width == 9 else "3x2"
-    why = f"by singular values: isotropic in this {shape} matrix"
     derivative.projects = StringAttr(f"{derivative.projects.data}; {why}")
-
-
-def _isotropic_in(derivative: DerivativeOp, width: int) -> SSAValue | None:
-    """The value of the derivative's body that the energy is isotropic in, and that the projected Hessian is of."""
-    block = derivative.body.block
-    terminator = block.last_op
-    assert isinstance(terminator, YieldDerivativeOp)
-    if len(terminator.cut) != 1:
-        return None
-    (deformation,) = terminator.cut
-    if size_of(deformation) != width or not is_deformation(block, deformation):
-        return None
-    return deformation if depends_on_invariants(block, terminator.energy, deformation, terminator.wrt) else None

@@ -138,6 +138,7 @@ void run_task(const AssemblyWorkspace& w, const Task& task, const Destination& t
     sink.mode = static_cast<int>(task.mode);
     sink.projected = &counted;
     sink.project_isotropic = yasps_project_isotropic;
+    sink.project_two_vectors = yasps_project_two_vectors;
     if (task.part >= 0) {
         const long first = w.start[task.part + 1] - gradient_tiles;
         sink.tiles = w.tiles.data + piece_index * part_tiles + first;

@@ -107,8 +107,8 @@ _SIGNATURES: dict[str, tuple[type | None, tuple[type, ...]]] = {
     "yasps_evaluate": (None, (_pointer, _pointer, _long, _pointer, _int)),
     "yasps_surface_new": (_pointer, (_pointer, _pointer, _pointer, _pointer, _pointer, _pointer, _long)),
     "yasps_surface_free": (None, (_pointer,)),
-    "yasps_surface_find": (_int, (_pointer, _pointer, _pointer, _double, _int, _pointer, _int)),
-    "yasps_surface_pairs": (None, (_pointer, _pointer, _pointer)),
+    "yasps_surface_find": (_int, (_pointer, _pointer, _pointer, _long, _double, _int, _pointer, _int)),
+    "yasps_surface_pairs": (None, (_pointer, _pointer, _pointer, _int)),
     "yasps_close_set_new": (_pointer, (_pointer, _long, _long, _pointer, _pointer, _double)),
     "yasps_close_set_free": (None, (_pointer,)),
     "yasps_close_set_find": (
@@ -123,19 +123,25 @@ _SIGNATURES: dict[str, tuple[type | None, tuple[type, ...]]] = {
             _long,
             _pointer,
             _long,
+            _int,
             _pointer,
             _pointer,
         ),
     ),
-    "yasps_close_set_copy": (None, (_pointer, _pointer, _pointer, _pointer, _pointer, _pointer)),
+    "yasps_close_set_copy": (_int, (_pointer, _int, _pointer, _pointer, _pointer, _pointer, _pointer)),
+    "yasps_step_bound_new": (_pointer, ()),
+    "yasps_step_bound_free": (None, (_pointer,)),
     "yasps_step_bound": (
-        _double,
-        (_pointer, _pointer, _pointer, _pointer, _double, _pointer, _long, _pointer, _long),
+        _int,
+        (
+            *(_pointer, _pointer, _pointer, _long, _pointer, _pointer, _pointer, _double, _double),
+            *(_pointer, _long, _pointer, _long, _int, _pointer),
+        ),
     ),
     "yasps_meetings": (
-        None,
+        _int,
         (
-            *(_pointer, _pointer, _pointer, _pointer, _pointer, _double, _pointer, _long, _int, _int),
+            *(_pointer, _pointer, _long, _pointer, _pointer, _pointer, _double, _pointer, _long, _int, _int),
             *(_pointer, _pointer, _pointer, _pointer, _pointer),
         ),
     ),
@@ -143,6 +149,7 @@ _SIGNATURES: dict[str, tuple[type | None, tuple[type, ...]]] = {
     "yasps_sum": (_double, (_pointer, _long)),
     "yasps_project": (_long, (_pointer, _int, _int, _int)),
     "yasps_project_isotropic": (_long, (_pointer, _pointer, _int, _int, _int)),
+    "yasps_project_two_vectors": (_long, (_pointer, _pointer, _int, _int, _int)),
 }
 
 
@@ -235,6 +242,26 @@ class Runtime(Uncopied):
             raise ValueError("deformation must be a C-contiguous float64 array")
         return int(
             self.library.yasps_project_isotropic(packed.ctypes.data, deformation.ctypes.data, width, lanes, int(mode))
+        )
+
+    def project_two_vectors(
+        self, packed: FloatArray, vectors: FloatArray, lanes: int, mode: Projection = Projection.CLAMP
+    ) -> int:
+        """As `project`, faster, for 6x6 Hessians with respect to two vectors of energies that rotations of both leave
+        alone.
+
+        vectors: float64 [packs, 6, 8], C-contiguous: one vector after the other. Raises ValueError for a wrong shape.
+        """
+        width = _width_of(packed, lanes)
+        if width != 6 or vectors.shape != (len(packed), 6, LANES):
+            raise ValueError(
+                f"vectors have shape {vectors.shape}, packed {packed.shape}; needed are (packs, 6, {LANES}) and "
+                f"(packs, 21, {LANES})"
+            )
+        if vectors.dtype != np.float64 or not vectors.flags.c_contiguous:
+            raise ValueError("vectors must be a C-contiguous float64 array")
+        return int(
+            self.library.yasps_project_two_vectors(packed.ctypes.data, vectors.ctypes.data, width, lanes, int(mode))
         )
 
 

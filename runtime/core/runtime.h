@@ -213,4 +213,5 @@ typedef void (*yasps_value_kernel)(const void* const* args, long begin, long end
 
 long yasps_project(double* packed, int width, int lanes, int mode);
 long yasps_project_isotropic(double* packed, const double* deformation, int width, int lanes, int mode);
+long yasps_project_two_vectors(double* packed, const double* vectors, int width, int lanes, int mode);
 }

@@ -44,6 +44,7 @@ struct yasps_sink {
     int mode;
     long* projected;
     long (*project_isotropic)(double* packed, const double* deformation, int width, int lanes, int mode);
+    long (*project_two_vectors)(double* packed, const double* vectors, int width, int lanes, int mode);
     double* (*open_tile)(const yasps_sink* sink, long tile);  // empties a tile and says where it is
 };
 #endif

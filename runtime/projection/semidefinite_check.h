@@ -92,9 +92,9 @@ inline unsigned failing_lanes(const Check& check) {
 // Bit set of lanes with an entry that is not finite; entries follow each other kRow vectors apart.
 template <int kRow = 1>
 inline unsigned not_finite_lanes(const d8_unaligned* a, long entries) {
-    l8 finite = ~l8{};
-    for (long k = 0; k < entries; ++k) finite &= size_of(a[k * kRow]) <= DBL_MAX;
-    return bits_of_eight(~finite);
+    d8 zeros[2] = {};
+    for (long k = 0; k < entries; ++k) zeros[k & 1] += a[k * kRow] * 0.0;
+    return bits_of_eight(~((zeros[0] + zeros[1]) == 0.0));
 }
 
 // Packs of symmetric matrices of width n, and `companions` numbers for each of them.
@@ -325,13 +325,13 @@ long project_failing(const Packs& packs, double* memory, bool leave, const Decom
         const unsigned valid = rest < kLanes ? (1u << rest) - 1 : 255u;
         unsigned failed = valid;
         const bool unchecked = expect_failure && valid == 255u;
-        if (!unchecked) failed &= failing_lanes(check_pack<kWidth>(packs.pack(pack), packs.n, work));
-        if (failed == 0) continue;
         if (leave) {
-            const unsigned not_finite = not_finite_lanes(packs.pack(pack), packs.entries()) & failed;
+            const unsigned not_finite = not_finite_lanes(packs.pack(pack), packs.entries()) & valid;
             if (not_finite != 0) return -(1 + pack * kLanes + __builtin_ctz(not_finite));
             continue;
         }
+        if (!unchecked) failed &= failing_lanes(check_pack<kWidth>(packs.pack(pack), packs.n, work));
+        if (failed == 0) continue;
         const bool in_place = kRow == 1 && valid == 255u && __builtin_popcount(failed) >= kMostLanes;
         while (failed != 0) {
             if (in_place) {

@@ -17,7 +17,6 @@ from yasps.passes.pipeline import run_pipeline
 
 Check = Callable[[Scene], CpuScene]
 Energy = Callable[[Attribute], Attribute]
-CALL = "sink.project_isotropic("
 
 
 def stable(f: Attribute) -> Attribute:
@@ -27,6 +26,10 @@ def stable(f: Attribute) -> Attribute:
 def st_venant_kirchhoff(f: Attribute) -> Attribute:
     e = 0.5 * (f.T * f - identity(f.shape[1]))
     return 2.0 * e.dot(e) + 1.5 * e.trace() * e.trace()
+
+
+def cloth(f: Attribute) -> Attribute:
+    return materials.baraff_witkin(f, 2.0, 3.0, 0.7)
 
 
 def area_or_volume(f: Attribute) -> Attribute:
@@ -68,6 +71,15 @@ def test_agrees_with_the_interpreter(
     agrees_with_interpreter(elements(energy, 21, noise, cols, projection))
 
 
+@pytest.mark.parametrize("projection", ["clamp", "abs"])
+def test_two_vectors(projection: str, agrees_with_interpreter: Check) -> None:
+    """Cloth, which is isotropic in the images of warp and weft: at random, and then flat to a line."""
+    scene = elements(cloth, 130, 0.4, 2, projection)
+    agrees_with_interpreter(scene)
+    scene.m.v["x"].update_value(scene.m.v["x"].value.reshape(-1, 3) * np.array([3.0, 0.0, 0.0]))
+    agrees_with_interpreter(scene)
+
+
 @pytest.mark.parametrize("count", [1, 7, 8, 9, 130])
 def test_counts_around_a_pack_and_a_batch(count: int, agrees_with_interpreter: Check) -> None:
     agrees_with_interpreter(elements(stable, count, 0.5))
@@ -96,19 +108,24 @@ def test_a_stored_matrix(agrees_with_interpreter: Check) -> None:
         agrees_with_interpreter(scene)
 
 
-def test_with_and_without_the_proof(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+@pytest.mark.parametrize(
+    ("energy", "cols", "call"), [(stable, 3, "sink.project_isotropic("), (cloth, 2, "sink.project_two_vectors(")]
+)
+def test_with_and_without_the_proof(
+    energy: Energy, cols: int, call: str, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
     """The same Hessian to rounding, by another function of the runtime."""
     hessians, codes = [], []
     for name, without in (("with", ()), ("without", ("prove-isotropy",))):
         monkeypatch.setattr(scene_source, "run_pipeline", functools.partial(run_pipeline, without=without))
-        scene = elements(stable, 50, 0.6)
+        scene = elements(energy, 50, 0.6, cols)
         monkeypatch.setenv("YASPS_DUMP_IR", str(tmp_path / name))  # and lower it now, code is not taken from the cache
         compiled = scene.compile()
         compiled.assemble()
         hessians.append(compiled.static_matrix.to_scipy().toarray())
         codes.append("".join(path.read_text() for path in (tmp_path / name).rglob("*.cpp")))
-    assert CALL in codes[0]
-    assert CALL not in codes[1]
+    assert call in codes[0]
+    assert call not in codes[1]
     assert relative_error(hessians[0], hessians[1]) < 1e-12
     assert np.linalg.eigvalsh(hessians[0])[0] > -1e-12 * np.abs(hessians[0]).max()
 

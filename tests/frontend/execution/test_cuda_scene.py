@@ -16,10 +16,11 @@ from layered_scenes import ring_scene
 from numpy.typing import NDArray
 from small_scenes import dense_assembly, emit, mixed_union, soft_tets
 
-from yasps import NotFiniteError, Scene
+from yasps import NotFiniteError, Scene, materials
 from yasps.backend.cuda import program as cuda_program
 from yasps.backend.reference.interpreter import Interpreter
 from yasps.frontend.execution.cuda_scene import CudaScene
+from yasps.meshes import cloth_grid
 from yasps.runtime.core.sink import THREADS
 
 Array = NDArray[np.float64]
@@ -331,3 +332,25 @@ def test_an_infinite_hessian_is_reported(device: HostDevice) -> None:
     scene.add_minimize_target(x)
     with pytest.raises(NotFiniteError, match=r"energy m\.v\.steep are not finite on instance 1;"):
         scene.solve()
+
+
+@pytest.mark.nightly
+def test_two_vectors_are_projected_without_them(device: HostDevice) -> None:
+    """A thread takes the eigenvalues of the whole 6x6 Hessian, which a processor takes in the vectors' plane."""
+
+    def cloth() -> Scene:
+        mesh, scene = cloth_grid(divisions=(3, 3)), Scene("cloth")
+        vertices = scene.add_mesh("m").add_primitive("v", len(mesh.vertices))
+        moved = mesh.vertices + np.random.default_rng(0).uniform(-0.1, 0.1, mesh.vertices.shape)
+        position = vertices.add_attribute("x", 3, 1, value=moved)
+        triangles = scene.m.add_primitive("t", len(mesh.triangles))
+        corners = triangles.add_connectivity("corners", vertices, mesh.triangles, 3)
+        x = triangles.add_attribute("corner_positions", through=corners, source=position)
+        inverse, area = materials.rest_triangles(mesh.vertices, mesh.triangles)
+        f = materials.triangle_deformation(x, triangles.add_constant("inverse", 2, 2, value=inverse))
+        energy = materials.baraff_witkin(f, 2.0, 1.0, triangles.add_constant("area", 1, 1, value=area))
+        scene.add_energy(triangles.add_attribute("stretch", computed_attribute=energy))
+        scene.add_minimize_target(position)
+        return scene
+
+    assert_same_derivatives(on_device(cloth(), device), cloth())

@@ -80,6 +80,13 @@ MUTATIONS = (
         ISOTROPY,
     ),
     Mutation(
+        "isotropy: vectors of space do not turn",
+        "passes/analysis/isotropy.py",
+        "VECTORS = {(3, 1): Spaces(Space.DEFORMED, Space.FIXED), (1, 3): Spaces(Space.FIXED, Space.DEFORMED)}",
+        "VECTORS = {(3, 1): FIXED, (1, 3): FIXED}",
+        ("tests/passes/analysis/test_isotropy.py::test_not_isotropic_in_two_vectors",),
+    ),
+    Mutation(
         "isotropy: the trace of a matrix between two spaces counts as unchanged",
         "passes/analysis/isotropy.py",
         "return FIXED if isinstance(a, AnySpace) or a.rows is a.cols else None",

@@ -8,7 +8,9 @@ GENERAL = "tests/runtime/projection/test_projection.py"
 NUMPY = (f"{GENERAL}::test_agrees_with_numpy",)
 MANY = (f"{GENERAL}::test_many_packs_of_which_some_matrices_fail", f"{GENERAL}::test_any_number_of_failing_matrices")
 ISOTROPIC = "tests/runtime/projection/test_isotropic.py"
+VECTORS = "tests/runtime/projection/test_two_vectors.py"
 BY_SINGULAR_VALUES = (f"{ISOTROPIC}::test_agrees_with_numpy",)
+TWO_VECTORS = (f"{VECTORS}::test_agrees_with_numpy",)
 CODE, CHECK = "runtime/projection/negative_part.cpp", "runtime/projection/semidefinite_check.h"
 
 MUTATIONS = (
@@ -161,6 +163,34 @@ MUTATIONS = (
             f"{ISOTROPIC}::test_semidefinite_matrices_keep_every_bit",
             f"{ISOTROPIC}::test_packs_of_which_many_or_few_fail",
         ),
+    ),
+    Mutation(
+        "two vectors: what moves along the normal is taken for what moves in the plane",
+        "runtime/projection/two_vectors.cpp",
+        "const Eight along = q.c[2].at[r] * normal[k];",
+        "const Eight along = q.c[1].at[r] * normal[k];",
+        TWO_VECTORS,
+    ),
+    Mutation(
+        "two vectors: parallel ones have the plane that rounding says",
+        "runtime/projection/two_vectors.cpp",
+        "constexpr double kAcross = 1.6e-15 * 1.6e-15;",
+        "constexpr double kAcross = 0.0;",
+        TWO_VECTORS,
+    ),
+    Mutation(
+        "two vectors: a short rest is not made orthogonal once more",
+        "runtime/projection/two_vectors.cpp",
+        "    rest = rest - q.c[0] * dot(rest, q.c[0]);  // of a short rest much is rounding",
+        "",
+        TWO_VECTORS,
+    ),
+    Mutation(
+        "two vectors: vectors that are not finite make a frame",
+        "runtime/projection/two_vectors.cpp",
+        "*failed |= bits_of(finite) ^ 0xffu;",
+        "*failed |= 0u;",
+        (f"{VECTORS}::test_without_finite_vectors_projection_is_the_general_one",),
     ),
     Mutation(
         "singular values: the third column of U is the second",

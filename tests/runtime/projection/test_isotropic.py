@@ -8,6 +8,7 @@ from collections.abc import Callable
 
 import numpy as np
 import pytest
+from packed_matrices import packed_triangles, packs, reference, unpacked
 
 from yasps.runtime.build.toolchain import Compiler, compile_sources, link
 from yasps.runtime.core.library import LANES, Projection, Runtime, runtime_sources
@@ -51,36 +52,6 @@ def _cofactors(a: Array, b: Array) -> Array:
         for i in range(3)
     ]
     return np.stack(rows, axis=-2)
-
-
-def packs(values: Array) -> Array:
-    """[n, k] as packs of eight interleaved, [packs, k, 8]; places left over hold NaN."""
-    n, k = values.shape
-    padded = np.full((-(-n // LANES) * LANES, k), np.nan)
-    padded[:n] = values
-    return np.ascontiguousarray(padded.reshape(-1, LANES, k).transpose(0, 2, 1))
-
-
-def packed_triangles(matrices: Array) -> Array:
-    rows, cols = np.triu_indices(matrices.shape[1])
-    return packs(matrices[:, rows, cols])
-
-
-def unpacked(packed: Array, like: Array) -> Array:
-    """The matrices again."""
-    n, width, _ = like.shape
-    rows, cols = np.triu_indices(width)
-    triangles = packed.transpose(0, 2, 1).reshape(-1, packed.shape[1])[:n]
-    result = np.empty((n, width, width))
-    result[:, rows, cols] = triangles
-    result[:, cols, rows] = triangles
-    return result
-
-
-def reference(matrices: Array, mode: Projection) -> Array:
-    values, vectors = np.linalg.eigh(matrices)
-    values = np.maximum(values, 0) if mode == Projection.CLAMP else np.abs(values)
-    return np.asarray((vectors * values[:, None, :]) @ vectors.swapaxes(1, 2))
 
 
 def project(runtime: Runtime, h: Array, f: Array, mode: Projection = Projection.CLAMP) -> tuple[int, Array]:
