@@ -192,17 +192,20 @@ bool has_threes_only(const Layout& layout) { return layout.classes == 1 && layou
 
 // Adds P^T r of some dof blocks.
 void restrict_to_coarse(const Workspace& w, const Layout& layout, Range blocks, double* restricted) {
+    // In variables of their own, since a store of a vector could be one to what holds them.
+    const int* const place = w.coarse.place.data;
+    const double* const residual = w.residual.data;
+    const long length = w.coarse.restricted_length;
     if (has_threes_only(layout)) {
-        double* const copies[kCopies] = {restricted, restricted + w.coarse.restricted_length};
         for (long b = blocks.begin; b < blocks.end; ++b) {
-            double* const to = copies[b % kCopies] + w.coarse.place[b];
-            store(to, load(to) + load(w.residual.data + 4 * b));
+            double* const to = restricted + b % kCopies * length + place[b];
+            store(to, load(to) + load(residual + 4 * b));
         }
         return;
     }
     for (long b = blocks.begin; b < blocks.end; ++b) {
-        double* const to = restricted + b % kCopies * w.coarse.restricted_length + w.coarse.place[b];
-        const double* const from = w.residual.data + layout.padded_start[b];
+        double* const to = restricted + b % kCopies * length + place[b];
+        const double* const from = residual + layout.padded_start[b];
         for (int i = 0; i < padded_size(layout.size[b]); i += 4) store(to + i, load(to + i) + load(from + i));
     }
 }
@@ -236,21 +239,22 @@ void step_direction(const Workspace& w, const Layout& layout, const Piece& p, do
         }
         return;
     }
+    double *const x = w.x.data, *const direction = w.direction.data;
+    const double *const damped = w.preconditioned.data, *const solution = w.coarse.solution.data;
+    const int* const place = w.coarse.place.data;
+    const auto step_at = [=](long i, const double* moved) {
+        const d4 before = load(direction + i);
+        store(x + i, load(x + i) + step * before);
+        store(direction + i, (load(damped + i) + load(moved)) + mix * before);
+    };
     if (has_threes_only(layout)) {
-        for (long b = p.blocks.begin; b < p.blocks.end; ++b) {
-            const d4 direction = load(&w.direction[4 * b]), moved = load(w.coarse.solution.data + w.coarse.place[b]);
-            store(&w.x.data[4 * b], load(&w.x[4 * b]) + step * direction);
-            store(&w.direction.data[4 * b], (load(&w.preconditioned[4 * b]) + moved) + mix * direction);
-        }
+        for (long b = p.blocks.begin; b < p.blocks.end; ++b) step_at(4 * b, solution + place[b]);
         return;
     }
     for (long b = p.blocks.begin; b < p.blocks.end; ++b) {
-        const double* const moved = w.coarse.solution.data + w.coarse.place[b];
-        for (long i = layout.padded_start[b], end = layout.padded_start[b + 1], k = 0; i < end; i += 4, k += 4) {
-            const d4 direction = load(&w.direction[i]);
-            store(&w.x.data[i], load(&w.x[i]) + step * direction);
-            store(&w.direction.data[i], (load(&w.preconditioned[i]) + load(moved + k)) + mix * direction);
-        }
+        const double* const moved = solution + place[b];
+        const long first = layout.padded_start[b], end = layout.padded_start[b + 1];
+        for (long i = first; i < end; i += 4) step_at(i, moved + (i - first));
     }
 }
 

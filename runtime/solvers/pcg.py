@@ -94,8 +94,8 @@ class PreconditionerChoice:
     """Iterations of block Jacobi that cost more than the coarse space's matrix and what it saves of easy systems."""
     QUICK: ClassVar[int] = 15
     """Iterations with the coarse space of systems for which block Jacobi takes fewer than SLOW."""
-    FEWEST_BLOCKS: ClassVar[int] = 1000
-    """A product with fewer dof blocks costs less than the coarse solution."""
+    FEWEST_BLOCKS: ClassVar[int] = 5000
+    """Scenes with fewer dof blocks do not get faster: fewer, but as much dearer iterations (docs/performance.md)."""
 
     def coarse_from(self, preconditioner: str, part: Part) -> int:
         """The iteration before which the coarse space comes in; -1 for never."""
@@ -163,9 +163,10 @@ class PcgSolver(Uncopied):
         whatever the preconditioner is. The reference is g also with a start vector. g = 0 gives x = 0.
 
         The two-level preconditioner is D^-1 + P (P^T H P)^-1 P^T, where P moves the dof blocks of an aggregate
-        together: about 400 blocks of one size that are coupled in parts[0], more where the coarse space would have more
-        than 1,000 unknowns. Aggregates are kept while parts[0] has its structure; numbers are those of this system.
-        Where P^T H P is not positive definite, block Jacobi goes on alone, and report and log say so.
+        together, blocks of one size that are coupled in parts[0]. Aggregates are so large that the square of the coarse
+        space's unknowns is about 0.15 of the numbers in parts[0], and they are at most 1,000. Aggregates are kept while
+        parts[0] has its structure; numbers are those of this system. Where P^T H P is not positive definite, block
+        Jacobi goes on alone, and report and log say so.
 
         Returns x and the report; always look at `report.reason`. x is the last iterate (x0 when the iteration could not
         start). The result is the same bit for bit in every run with the same number of threads, of a deterministic
