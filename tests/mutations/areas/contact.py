@@ -18,6 +18,7 @@ SAFE = (f"{MOTION}::test_step_bounds_are_ipctks_and_safe", f"{GEOMETRY}::test_st
 MANY = "tests/runtime/collision/test_many_pairs.py"
 ALONE = (f"{MANY}::test_a_pair_is_the_same_among_others_as_alone",)
 FIRST = (f"{MANY}::test_a_step_is_bounded_by_the_first_pair_to_meet",)
+ORDINARY = ("tests/runtime/collision/test_pair_distance.py::test_ordinary_pairs_have_every_kind",)
 THREADS = (f"{MANY}::test_all_threads_find_the_same_to_the_last_bit",)
 LOOK = "tests/contact/test_look_ahead.py"
 AHEAD = (f"{LOOK}::test_what_meets_is_what_bounds_a_step",)
@@ -477,14 +478,14 @@ MUTATIONS = (
         PACKS,
         "const auto begun = less(zero, along), ended = ~less(along, length), between = begun & ~ended;",
         "const auto begun = less(zero, along), ended = ~less(along * 2.0, length), between = begun & ~ended;",
-        ALONE,
+        ORDINARY,
     ),
     Mutation(
-        "a vertex above a side belongs to the inside",
+        "sides are nearest to what is inside of them",
         PACKS,
         "const auto outwards = ~less(dot(normal, across[k]), zero);",
-        "const auto outwards = less(zero, dot(normal, across[k]));",
-        POTENTIAL,
+        "const auto outwards = less(dot(normal, across[k]), zero);",
+        ORDINARY,
     ),
     Mutation(
         "what is apart at the start is free",
@@ -492,20 +493,6 @@ MUTATIONS = (
         "after[c] = before[c] + dot(closest.way, move[c]);",
         "after[c] = before[c];",
         FIRST,
-    ),
-    Mutation(
-        "nothing of the gap is kept",
-        WAYS,
-        "(distance - least) * (1 - kApproach);",
-        "(distance - least) * 0.0;",
-        ("tests/runtime/collision/test_step_bound.py",),
-    ),
-    Mutation(
-        "touching pairs are free where they part",
-        WAYS,
-        "const auto free = apart & (",
-        "const auto free = (",
-        (f"{MANY}::test_a_pair_that_touches_is_seen_among_others",),
     ),
     Mutation(
         "the first pairs bound the step",
