@@ -56,6 +56,8 @@ class LocalDerivative:
     hessian: SSAValue | None
     project: ProjectOp | None
     curved: bool
+    in_lanes: bool
+    """Is something to be pulled back, and can that be done for several instances at once?"""
 
     @staticmethod
     def of(scene: SceneView, derivative: DerivativeOp) -> LocalDerivative:
@@ -77,6 +79,7 @@ class LocalDerivative:
             terminator.hessian,
             next((op for op in derivative.body.block.ops if isinstance(op, ProjectOp)), None),
             derivative.curved is not None,
+            scene.runs_in_lanes(derivative) and not all(slot.is_direct for slot in slots),
         )
 
     @property
@@ -108,6 +111,16 @@ class ExpandingText(ObjectText):
     @abstractmethod
     def transposed(self, call: ApplyOp, cotangent: SSAValue, q: int, *, is_direct: bool) -> list[str]:
         """Statements of the entry `pull`: the q rows of J^T b, written to `out` if direct, else to `w`."""
+
+    @property
+    def reads_one_by_one(self) -> bool:
+        """Does anything read numbers of other objects for single instances?"""
+        return True
+
+    @property
+    def pulls_one_by_one(self) -> bool:
+        """Does any energy pull back for single instances?"""
+        return True
 
     # -- what else the languages do differently ------------------------------------------------------------
 
@@ -147,11 +160,12 @@ class ExpandingText(ObjectText):
 
     def attribute(self, attribute: AttributeOp) -> None:
         scalar, name = c_type(attribute.matrix_type), attribute.symbol
-        if "call" in self.wanted or ("batch" in self.wanted and self.batch_calls_value(attribute)):
+        is_called = "call" in self.wanted and (self.reads_one_by_one or scalar == "int")
+        if is_called or ("batch" in self.wanted and self.batch_calls_value(attribute)):
             self.function("value", self.value_body(attribute, scalar), scalar)
         if "batch" in self.wanted:
             self.batch(attribute, scalar)
-        if self.scene.is_union(name) and self.scene.reaches_target(name):
+        if self.scene.is_union(name) and self.scene.reaches_target(name) and self.pulls_one_by_one:
             pull = self.in_member(attribute, lambda source: f"return {self.pull_source(source, 'j', 'b', 'n', 'out')};")
             self.function("pull", [*pull, "return 0;"])
         if self.scene.is_union(name) and self.scene.is_curved(name):
@@ -165,7 +179,8 @@ class ExpandingText(ObjectText):
         assert isinstance(call, ApplyOp)
         cotangent = jacobian.body.block.args[0]
         slots = [slot for read in self.scene.wrt(jacobian) for slot in self.scene.slots(read)]
-        self.pull(call, cotangent, slots)
+        if self.pulls_one_by_one:
+            self.pull(call, cotangent, slots)
         name = name_of(jacobian.attribute)
         if not self.scene.is_curved(name):
             return

@@ -168,6 +168,8 @@ class ObjectText(ABC):
     def callee(self, definition: str, entry: str) -> tuple[str, str]:
         """Function and argument pointer to call another object's entry."""
         code = self.emitter.code_of(definition)
+        if entry not in code.entries:
+            raise ValueError(f"@{definition} has no entry {entry!r}")
         function = f"{code.symbol}_{entry}"
         scalar = c_type(self.scene.type_of(definition)) if entry == "value" else ""
         self.externs[f"{self.linkage} {self.signature(function, entry, scalar)};"] = None

@@ -15,6 +15,7 @@ from yasps.backend.codegen.scene_code import SceneCode
 from yasps.runtime.build.cache import file_name
 from yasps.runtime.build.toolchain import Compiler, Source, compile_sources, link
 
+_OVER_INSTANCES = ctypes.CFUNCTYPE(None, ctypes.c_void_p, ctypes.c_long, ctypes.c_long, ctypes.c_void_p)
 LINK_FLAGS = ("-Wl,-Bsymbolic",)
 
 
@@ -87,8 +88,18 @@ class Program:
     def indices(self, name: str, count: int, capacity: int) -> NDArray[np.int32]:
         """An integer attribute (placement indices) of `capacity` entries on `count` instances, [count, capacity]."""
         out = np.zeros((count, capacity), np.int32)
-        function = ctypes.CFUNCTYPE(None, ctypes.c_void_p, ctypes.c_long, ctypes.c_long, ctypes.c_void_p)
-        function(self.function(name, "batch"))(self.arguments(name), 0, count, out.ctypes.data)
+        _OVER_INSTANCES(self.function(name, "batch"))(self.arguments(name), 0, count, out.ctypes.data)
+        return out
+
+    def branches(self, name: str, count: int) -> NDArray[np.int64] | None:
+        """Which branches of UNIONs each of `count` instances of an energy takes: [count], equal for equal branches.
+
+        None where its kernel does not ask. name: of the energy's derivatives.
+        """
+        if "branches" not in self.codes[name].entries:
+            return None
+        out = np.zeros(count, np.int64)
+        _OVER_INSTANCES(self.function(name, "branches"))(self.arguments(name), 0, count, out.ctypes.data)
         return out
 
 

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import cast
 
-from xdsl.dialects.builtin import ModuleOp
+from xdsl.dialects.builtin import IntegerType, ModuleOp
 
 from yasps.dialects.mat import Matrix, Shape
 from yasps.dialects.rel import (
+    ApplyOp,
     AttributeOp,
     ConnectivityOp,
     Container,
@@ -28,6 +30,7 @@ from yasps.dialects.rel import (
     UnionOp,
     YieldDerivativeOp,
     YieldJacobianOp,
+    YieldOp,
     YieldPullbackOp,
     name_of,
 )
@@ -145,6 +148,80 @@ class SceneView:
         return self.is_union(name) and all(
             self.is_direct(member) or not self.reaches_target(member) for member in self.union_members(name)
         )
+
+    def leaf_sizes(self, name: str) -> list[int] | None:
+        """Unknowns of each block behind one instance of this source, if they are the same at all instances.
+
+        None where they may differ: behind UNIONs, unless these are direct, JOINs of variable arity, and nonlinear
+        attributes, whose Hessians are projected as a whole.
+        """
+        if self.is_direct(name):
+            return [self.size(name)]
+        if name not in self.jacobians or name in self.curvatures:
+            return None
+        sizes: list[int] = []
+        for slot in (slot for read in self.wrt(self.jacobians[name]) for slot in self.slots(read)):
+            behind = self.leaf_sizes(slot.source)
+            if behind is None or slot.reduction is not None:
+                return None
+            sizes += behind
+        return sizes
+
+    def branches(self, name: str) -> list[str] | None:
+        """The parameterised sources that a UNION takes its instances from, those behind inner UNIONs among them; of
+        another source itself. Direct ones are left out. None where the unknowns behind one of them may differ."""
+        if self.is_union(name) and not self.is_direct(name):
+            found: list[str] = []
+            for member in self.union_members(name):
+                if self.is_constant(member):
+                    continue
+                behind = self.branches(member)
+                if behind is None:
+                    return None
+                found += behind
+            return found
+        if self.leaf_sizes(name) is None:
+            return None
+        return [] if self.is_direct(name) else [name]
+
+    def is_constant(self, name: str) -> bool:
+        """Is the source free of targets?"""
+        return not self.reaches_target(name)
+
+    def runs_in_lanes(self, derivative: DerivativeOp) -> bool:
+        """Can what lies behind the inputs be pulled back for several instances at once?"""
+        slots = [slot for read in self.wrt(derivative) for slot in self.slots(read)]
+        return derivative.curved is None and all(
+            slot.reduction is None and self.branches(slot.source) is not None for slot in slots
+        )
+
+    @cached_property
+    def pulled_in_lanes(self) -> bool:
+        """Is anything pulled back for several instances at once?"""
+        return any(map(self.runs_in_lanes, self.derivatives))
+
+    @cached_property
+    def pulled_one_by_one(self) -> bool:
+        """Is anything pulled back for single instances?"""
+        return not all(map(self.runs_in_lanes, self.derivatives))
+
+    @cached_property
+    def read_one_by_one(self) -> bool:
+        """Does anything read computed numbers for single instances on the processor?
+
+        What pulls back for single instances does, a JOIN of variable arity, and what is nothing but a read.
+        """
+        reads = [op for container in self.objects.values() for op in container.walk() if isinstance(op, JoinOp)]
+        for name, container in self.objects.items():
+            attribute = self.attributes.get(name)
+            if attribute is None or not any(entry.data == "batch" for entry in container.entries):
+                continue
+            terminator = attribute.body.block.last_op
+            assert isinstance(terminator, YieldOp)
+            is_number = not isinstance(attribute.matrix_type.element_type, IntegerType)
+            if is_number and not isinstance(terminator.value.owner, ApplyOp):
+                return True
+        return self.pulled_one_by_one or any(read.reduction is not None for read in reads)
 
     def is_stored(self, name: str) -> bool:
         """Are its numbers stored as they are: those of a storage, or of the storages a UNION unites?"""

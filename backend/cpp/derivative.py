@@ -12,6 +12,7 @@ from yasps.backend.codegen.expanding_text import LocalDerivative
 from yasps.backend.codegen.object_text import size_of
 from yasps.backend.codegen.slots import block
 from yasps.backend.cpp.expand import in_lanes
+from yasps.backend.cpp.lanes import add_gradient, declare_slots
 from yasps.backend.cpp.object import BYTES_OF_A_PACK, LARGEST_STACK, over_packs
 from yasps.backend.cpp.scatter import scatter_hessian
 from yasps.dialects.rel import ApplyOp, ProjectOp
@@ -28,7 +29,7 @@ def derivative_body(text: CppObjectText, local: LocalDerivative) -> list[str]:
     """Statements of the entry point `derive`."""
     if local.project is not None and not local.curved:
         return _in_batches(text, local, local.project)
-    uniforms = text.compute_uniforms("V")
+    uniforms = _before_packs(text, local)
     declared = text.array("middle", local.outputs["middle"]) if "middle" in local.outputs else []
     lines = [*text.declare("V"), *text.gather_pack(), *_derive(text, local, declared, is_projected=False)]
     scatter: list[str] = []
@@ -37,8 +38,18 @@ def derivative_body(text: CppObjectText, local: LocalDerivative) -> list[str]:
     elif "middle" in local.outputs:
         scatter = scatter_hessian(text, local, "middle")
     lines += block("if (sink.tiles)", scatter) if scatter else []
-    lines += in_lanes(local, text.scatter_gradient(local))
+    lines += _add_gradient(text, local)
     return [*uniforms, *over_packs(lines), "return -1;"]
+
+
+def _before_packs(text: CppObjectText, local: LocalDerivative) -> list[str]:
+    """Statements that declare what all packs share."""
+    return [*text.compute_uniforms("V"), *(declare_slots(text, local) if local.in_lanes else [])]
+
+
+def _add_gradient(text: CppObjectText, local: LocalDerivative) -> list[str]:
+    """Statements that add `gradient` of a pack to the global one."""
+    return add_gradient(text, local) if local.in_lanes else in_lanes(local, text.scatter_gradient(local))
 
 
 def _derive(text: CppObjectText, local: LocalDerivative, declared: list[str], *, is_projected: bool) -> list[str]:
@@ -88,14 +99,14 @@ def _in_batches(text: CppObjectText, local: LocalDerivative, project: ProjectOp)
     if isinstance(pull_back, ApplyOp):
         scatter = [*text.array("hessian", size_of(local.hessian)), text.call(pull_back, names, ["hessian"], "V")]
     scatter += scatter_hessian(text, local, "hessian" if scatter else "middle")
-    uniforms = text.compute_uniforms("V")
+    uniforms = _before_packs(text, local)
     lanes = "const long lanes = stop - first < 8 ? stop - first : 8;"
     derive = [
         *(f"V {name}[{size}];" for name, size in sizes.items() if name not in kept),
         *shared,
         *text.gather_pack(),
         *_derive(text, local, [of_pack[name] for name in of_packs if name not in kept], is_projected=True),
-        *in_lanes(local, text.scatter_gradient(local)),
+        *_add_gradient(text, local),
     ]
     each_pack = "for (long first = start, pack = 0; first < stop; first += 8, ++pack)"
     batch = [

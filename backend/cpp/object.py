@@ -24,11 +24,19 @@ from yasps.backend.codegen.scalar_function import vector_function, words_used
 from yasps.backend.codegen.scene_view import SceneView, Slot
 from yasps.backend.codegen.slots import block
 from yasps.backend.cpp.expand import NO_MEMORY, expand
+from yasps.backend.cpp.lanes import (
+    SCRATCH,
+    branches_entry,
+    pull_lanes_of_jacobian,
+    pull_lanes_of_union,
+    value_lanes,
+)
 from yasps.dialects.rel import (
     ApplyOp,
     AttributeOp,
     DataOp,
     DerivativeOp,
+    JacobianOp,
     JoinOp,
     ObjectOp,
     ReadOp,
@@ -41,6 +49,11 @@ from yasps.runtime.core.sink import LANES
 LARGEST_STACK = 1 << 17
 """Bytes of an array of packs that lies on the stack: a thread may have as little as 2 MiB, for some dozens of them."""
 BYTES_OF_A_PACK = 8 * LANES
+OF_LANES = {
+    "value_lanes": ("void", "V* out"),
+    "pull_lanes": ("long", "const V* b, long n, V* out, int* sizes"),
+}
+"""Of each entry for any 8 instances, the result's type and the parameters after `a` and `own`."""
 
 
 class CppEmitter(ObjectEmitter):
@@ -80,39 +93,49 @@ class CppObjectText(ExpandingText):
             lines.append(f"for (long e = 0; e < {size}; ++e) {name}_pack[e] = splat({name}[e]);")
         return lines
 
-    def gather_pack(self) -> list[str]:
-        """Gathers 8 instances into the declared arrays; lanes past the end repeat the last one."""
-        lines = ["long of[8];", "const double* at[8];"]
+    def gather_pack(self, own: str | None = None) -> list[str]:
+        """Gathers 8 instances into the declared arrays: those in the array `own`, else first, ...; lanes past the end
+        repeat the last one."""
+        lines = [*SCRATCH]
         for k, op in enumerate(self.reads()):
-            lines += self.read_pack(op, f"r{k}")
-        return [*lines, "(void)of, (void)at;"]
+            lines += self.read_pack(op, f"r{k}", own)
+        return [*lines, f"(void)of, (void)at{f', (void){own}' if own else ''};"]
 
-    def read_pack(self, op: ReadOp, out: str) -> list[str]:
-        """Statements that write a boundary read on the instances first, ... to the packs `out`."""
+    def read_pack(self, op: ReadOp, out: str, own: str | None = None) -> list[str]:
+        """Statements that write a boundary read on the instances of `gather_pack` to the packs `out`."""
+        own_instances = "own_instances(first, lanes, of);"
+        if own is not None:
+            own_instances = f"for (long l = 0; l < 8; ++l) of[l] = {own}[l];"
         if isinstance(op, DataOp):
             storage = self.scene.storages[name_of(op.storage)]
             if storage.owner != self.definition.owner:
                 size, pointer = self.scene.size(storage.symbol), self.bind("storage", storage.symbol)
                 return [f"for (long e = 0; e < {size}; ++e) {out}[e] = splat({pointer}[e]);"]
-            return ["own_instances(first, lanes, of);", *self.gather(storage.symbol, out)]
-        if isinstance(op, RefOp) and self.scene.is_stored(name_of(op.attribute)):
-            return ["own_instances(first, lanes, of);", *self.gather(name_of(op.attribute), out)]
-        if isinstance(op, JoinOp) and self.scene.is_stored(name_of(op.source)) and op.reduction is None:
+            return [own_instances, *self.gather(storage.symbol, out)]
+        if isinstance(op, RefOp):
+            return [own_instances, *self.gather(name_of(op.attribute), out)]
+        if isinstance(op, JoinOp) and op.reduction is None:
             source, connectivity = name_of(op.source), self.scene.connectivities[name_of(op.connectivity)]
             if connectivity.variable is None:
                 arity, size = connectivity.arity.value.data, self.scene.size(source)
                 indices = self.bind("indices", connectivity.symbol)
                 connected = f"connected_instances({indices} + first * {arity} + s, {arity}, lanes, of);"
+                if own is not None:
+                    connected = f"instances_from({indices} + s, {arity}, {own}, of);"
                 gather = self.gather(source, f"{out} + s * {size}")
                 return block(f"for (long s = 0; s < {arity}; ++s)", [connected, *gather])
         size = size_of(op.result)
-        lines = ["const long i = first + (l < lanes ? l : lanes - 1);", f"double one[{size}];"]
+        instance = "first + (l < lanes ? l : lanes - 1)" if own is None else f"{own}[l]"
+        lines = [f"const long i = {instance};", f"double one[{size}];"]
         lines += self.read(op, "one", "double")
         lines += [f"for (long e = 0; e < {size}; ++e) {out}[e][l] = one[e];", "(void)i;"]
         return block("for (long l = 0; l < 8; ++l)", lines)
 
     def gather(self, source: str, out: str) -> list[str]:
-        """Statements that write stored numbers of the instances of[0], ..., of[7] to the packs `out`."""
+        """Statements that write the numbers of the instances of[0], ..., of[7] of a source to the packs `out`."""
+        if not self.scene.is_stored(source):
+            function, arguments = self.callee(source, "value_lanes")
+            return [f"{function}({arguments}, of, {out});"]
         return [
             "#pragma GCC unroll 8",
             f"for (long l = 0; l < 8; ++l) at[l] = {self.stored_row(source, 'of[l]')};",
@@ -123,6 +146,35 @@ class CppObjectText(ExpandingText):
         """Mathematical functions of packs."""
         words = words_used(list(self.functions.values())) if any("V*" in part for part in self.parts) else []
         return [vector_function(word, self.has_vector_math) for word in words]
+
+    # -- entries for any 8 instances -----------------------------------------------------------------------
+
+    def signature(self, symbol: str, entry: str, scalar: str) -> str:
+        if entry in OF_LANES:
+            result, parameters = OF_LANES[entry]
+            return f"{result} {symbol}(Arguments a, const long* own, {parameters})"
+        return super().signature(symbol, entry, scalar)
+
+    def attribute(self, attribute: AttributeOp) -> None:
+        super().attribute(attribute)
+        name = attribute.symbol
+        if "call" in self.wanted and c_type(attribute.matrix_type) == "double":
+            value_lanes(self, attribute)
+        if self.scene.is_union(name) and self.scene.branches(name) and self.scene.pulled_in_lanes:
+            pull_lanes_of_union(self, attribute)
+
+    def jacobian(self, jacobian: JacobianOp) -> None:
+        super().jacobian(jacobian)
+        if self.scene.branches(name_of(jacobian.attribute)) and self.scene.pulled_in_lanes:
+            pull_lanes_of_jacobian(self, jacobian)
+
+    @property
+    def reads_one_by_one(self) -> bool:
+        return self.scene.read_one_by_one
+
+    @property
+    def pulls_one_by_one(self) -> bool:
+        return self.scene.pulled_one_by_one
 
     # -- n packs of columns --------------------------------------------------------------------------------
 
@@ -227,8 +279,11 @@ class CppObjectText(ExpandingText):
         from yasps.backend.cpp.derivative import derivative_body
 
         signature = f"long {SELF}_derive(Arguments a, long begin, long end, const yasps_sink* results)"
-        body = derivative_body(self, LocalDerivative.of(self.scene, derivative))
+        local = LocalDerivative.of(self.scene, derivative)
+        body = derivative_body(self, local)
         self.entry("derive", signature, ["const yasps_sink& sink = *results;", *body])
+        if local.in_lanes:
+            branches_entry(self, local)
 
 
 def _producer(attribute: AttributeOp) -> ApplyOp | None:

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 from yasps.backend.codegen.slots import block, packed_place, starts
 from yasps.backend.cpp.expand import expand_hessian
+from yasps.backend.cpp.lanes import add_hessian
 
 if TYPE_CHECKING:
     from yasps.backend.codegen.expanding_text import LocalDerivative
@@ -16,6 +17,8 @@ def scatter_hessian(text: CppObjectText, local: LocalDerivative, packed: str) ->
     """Statements that add the blocks of one pack; `packed` names the upper triangle of its local Hessians."""
     count = len(local.slots)
     pairs = [(s, t) for s in range(count) for t in range(s, count)]
+    if local.in_lanes:
+        return add_hessian(text, local, packed, _add_packs(text, local, pairs, packed))
     direct = [pair for pair in pairs if all(local.slots[k].is_direct for k in pair)]
     lines = _add_packs(text, local, direct, packed)
     return lines if len(direct) == len(pairs) else lines + expand_hessian(text, local, packed)

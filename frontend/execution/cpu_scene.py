@@ -14,7 +14,7 @@ from yasps.backend.codegen.program import CompiledModule, Program
 from yasps.backend.codegen.scene_view import SceneView
 from yasps.backend.cpp.object import CppEmitter
 from yasps.frontend.execution.compiled_scene import CompiledScene, Term
-from yasps.frontend.execution.instance_order import OrderedReads, own_reads, rows_of
+from yasps.frontend.execution.instance_order import OrderedReads, grouped, own_reads, rows_of
 from yasps.frontend.execution.scene_source import CompileRequest
 from yasps.frontend.language.nodes import FloatArray
 from yasps.frontend.language.primitive import Primitive
@@ -87,7 +87,7 @@ class CpuScene(CompiledScene):
             placement = self.placements.get(term.symbol)
             if placement is None:
                 continue
-            if not self._static_valid:
+            if not (self._dynamic_valid if term.dynamic else self._static_valid):
                 placement.ordered = None
             elif placement.ordered is not None:
                 placement.ordered.point()
@@ -109,34 +109,51 @@ class CpuScene(CompiledScene):
 
     def _build_structure(self, terms: Sequence[Term], *, dynamic: bool) -> None:
         boundaries, block_sizes = self._layout()
-        kappas = []
+        kappas, sorted_reads = [], []
         for term in terms:
             assert term.kappa is not None
-            kappas.append(self.program.indices(term.kappa, term.count, term.capacity))
+            kappa = self.program.indices(term.kappa, term.count, term.capacity)
+            ordered = self._ordered(term, self._by_branches(term)) if dynamic else None
+            sorted_reads.append(ordered)
+            kappas.append(kappa if ordered is None else rows_of(kappa, ordered.order))
         # Both parts need the same order inside; the one with most blocks, and that seldom changes, chooses it.
         if dynamic:
             built = self.dynamic_matrix.build(boundaries, block_sizes, kappas, order=self.static_matrix.order)
         else:
             built = self.static_matrix.build(boundaries, block_sizes, kappas, reorder=True)
-        for term, kappa, positions in zip(terms, kappas, built, strict=True):
-            self.placements[term.symbol] = Placement(kappa, positions)
+        for term, kappa, positions, ordered in zip(terms, kappas, built, sorted_reads, strict=True):
+            self.placements[term.symbol] = Placement(kappa, positions, ordered)
             if not dynamic:
                 self._order_instances(term)
 
     def _order_instances(self, term: Term) -> None:
-        """Lets the kernel visit the instances along their unknowns, if in the given order it would jump about."""
-        assert term.derivative is not None
-        if not isinstance(term.owner, Primitive) or term.owner.is_dynamic:
-            return
+        """Lets the kernel visit the instances along their unknowns, if in the given order it would jump about; those of
+        the same branches of UNIONs one after another."""
         matrix, placement = self.static_matrix, self.placements[term.symbol]
-        order = instance_order(placement.kappas, matrix.block_size_at, matrix.order)
-        reads = own_reads(self.program, term.derivative, term.owner, self.emitter, self.targets)
-        if order is None or reads is None:
+        order = None
+        if isinstance(term.owner, Primitive) and not term.owner.is_dynamic:
+            order = instance_order(placement.kappas, matrix.block_size_at, matrix.order)
+        ordered = self._ordered(term, self._by_branches(term, order))
+        if ordered is None:
             return
-        ordered = OrderedReads(self.program, term.derivative, order, *reads)
         self.placements[term.symbol] = Placement(
-            rows_of(placement.kappas, order), rows_of(placement.positions, order), ordered
+            rows_of(placement.kappas, ordered.order), rows_of(placement.positions, ordered.order), ordered
         )
+
+    def _by_branches(self, term: Term, order: NDArray[np.int64] | None = None) -> NDArray[np.int64] | None:
+        """This order, or the given one, but with instances of the same branches of UNIONs one after another, so that
+        kernels find them in the same packs."""
+        assert term.derivative is not None
+        branches = self.program.branches(term.derivative, term.count)
+        return order if branches is None else grouped(branches, order)
+
+    def _ordered(self, term: Term, order: NDArray[np.int64] | None) -> OrderedReads | None:
+        """What the term's kernel reads in this order; None where it must stay in the given one."""
+        assert term.derivative is not None
+        if order is None or not isinstance(term.owner, Primitive):
+            return None
+        reads = own_reads(self.program, term.derivative, term.owner, self.emitter, self.targets)
+        return None if reads is None else OrderedReads(self.program, term.derivative, order, *reads)
 
     def _derive(
         self, terms: Sequence[Term], *, hessian: bool, project: bool
@@ -177,7 +194,12 @@ class CpuScene(CompiledScene):
 
     @one_thread_at_a_time
     def placement_indices(self, term: Term) -> NDArray[np.int32]:
-        return self.placements[term.symbol].kappas
+        placement = self.placements[term.symbol]
+        if placement.ordered is None:
+            return placement.kappas
+        given = np.empty_like(placement.kappas)
+        given[placement.ordered.order] = placement.kappas
+        return given
 
     @one_thread_at_a_time
     def hessian_groups(self) -> list[BlockGroup]:

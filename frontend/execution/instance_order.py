@@ -1,7 +1,8 @@
-"""An order of an energy's instances that only the assembly sees: neighbours in it share unknowns.
+"""An order of an energy's instances that only the assembly sees: neighbours in it share unknowns or parameterisations.
 
-The kernel then finds what it reads and writes in the cache. Generated code knows nothing of it: the kernel's pointers
-to numbers and indices of its own primitive lead to copies of them in that order.
+The kernel then finds what it reads and writes in the cache, and does the same for all instances of a pack. Generated
+code knows nothing of it: the kernel's pointers to numbers and indices of its own primitive lead to copies of them in
+that order.
 """
 
 from __future__ import annotations
@@ -28,6 +29,18 @@ def rows_of(array: NDArray[Number], order: NDArray[np.int64]) -> NDArray[Number]
     copy = np.empty_like(array)
     np.take(array, order, axis=0, out=copy, mode="clip")
     return copy
+
+
+def grouped(branches: NDArray[np.int64], order: NDArray[np.int64] | None) -> NDArray[np.int64] | None:
+    """The order, or that of the instances, with equal `branches` [n] put together; None for that of the instances."""
+    if branches.size == 0 or branches.min() == branches.max():
+        return order
+    if branches.max() < 1 << 16 and branches.min() >= 0:
+        branches = branches.astype(np.uint16)  # which is sorted in linear time
+    if order is not None:
+        return order[np.argsort(branches[order], kind="stable")]
+    found = np.argsort(branches, kind="stable")
+    return None if (found[1:] > found[:-1]).all() else found
 
 
 class OrderedReads:

@@ -33,30 +33,15 @@ inline bool same_entry(const CloseEntry& a, const CloseEntry& b) {
     return a.kind == b.kind && std::equal(a.vertices, a.vertices + 4, b.vertices) &&
            std::equal(a.edges, a.edges + 2, b.edges) && a.share == b.share;
 }
-// Where an entry stands in the order of kinds and vertices, which need no more than 31 bits each.
-struct EntryKey {
-    uint64_t upper, lower;
-    int index;
-
-    EntryKey(const CloseEntry& entry, int number) : index(number) {
-        const auto id = [&](int k) { return static_cast<uint64_t>(entry.vertices[k]); };
-        upper = static_cast<uint64_t>(entry.kind) << 61 | id(0) << 30 | id(1) >> 1;
-        lower = (id(1) & 1) << 62 | id(2) << 31 | id(3);
-    }
-};
-// The order of entries.
-struct Before {
-    const CloseEntry* entries;
-
-    bool operator()(const EntryKey& a, const EntryKey& b) const {
-        if (a.upper != b.upper) return a.upper < b.upper;
-        if (a.lower != b.lower) return a.lower < b.lower;
-        const CloseEntry &one = entries[a.index], &other = entries[b.index];
-        for (int k = 0; k < 2; ++k)
-            if (one.edges[k] != other.edges[k]) return one.edges[k] < other.edges[k];
-        return one.share < other.share;
-    }
-};
+// The order of entries: by kind, vertices, edges and share.
+inline bool before(const CloseEntry& a, const CloseEntry& b) {
+    if (a.kind != b.kind) return a.kind < b.kind;
+    for (int k = 0; k < 4; ++k)
+        if (a.vertices[k] != b.vertices[k]) return a.vertices[k] < b.vertices[k];
+    for (int k = 0; k < 2; ++k)
+        if (a.edges[k] != b.edges[k]) return a.edges[k] < b.edges[k];
+    return a.share < b.share;
+}
 
 inline CloseEntry entry(int kind, int a, int b, int c, int d) { return {kind, {a, b, c, d}, {0, 0}, {0, 0}, 1, 1}; }
 inline CloseEntry point_point(int a, int b) { return entry(kPointPoint, std::min(a, b), std::max(a, b), 0, 0); }

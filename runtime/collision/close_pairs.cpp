@@ -1,21 +1,28 @@
-// Close pairs of surface pieces sorted by the distance formula that each needs, and how far a step may go.
+// Close pairs of surface pieces sorted by the distance formula that each needs.
 //
 // The pairs come from near_pairs.cpp: edges as int [n, 4], edge by edge; vertex and triangle as int [n, 4], the
 // vertex first. What is close, and with which weight, is as in Li et al. 2020 and its supplement; or, with improved
 // max, as in improved_max.h.
+//
+// Threads take pairs in chunks. Pairs that are far apart along the line through their middles are left out eight at a
+// time, then those whose distance is too large; what is left is put into its kind. Entries are sorted in the end, and
+// equal ones added up, which are whole numbers: so nothing depends on who found what.
 #include <algorithm>
 #include <new>
 
+#include "collision/chunks.h"
 #include "collision/close_entry.h"
 #include "collision/improved_max.h"
 #include "collision/list.h"
 #include "collision/pair_distance.h"
+#include "collision/pair_packs.h"
 #include "collision/thickness.h"
-#include "collision/time_apart.h"
 #include "core/runtime.h"
 
 namespace yasps {
 namespace {
+
+constexpr long kChunk = 1024;  // pairs
 
 // Which edge has which two ends.
 class EdgeNumbers {
@@ -45,112 +52,300 @@ class EdgeNumbers {
     Buffer<int> first_of_;  // [vertices + 1]: the first edge from a lower end on
 };
 
+// Where vertices are now and at rest, and how close is close.
+struct Question {
+    const Point *x, *rest;
+    double reach;
+    bool improved;
+    int threads;
+};
+
+// The least distance and gap that a thread has seen; of the distance the square.
+struct alignas(64) Least {
+    double squared, gap;
+};
+
 // The close pairs last found, and memory for the next ones.
 struct CloseSet {
+    long vertices = 0;
     EdgeNumbers edges;
     Thickness thickness;
-    ImprovedMax improved_max;
-    List<NearTriangle> near;
-    List<uint64_t> order;
-    List<CloseEntry> found, entries;  // before and after equal ones became one
-    List<EntryKey> keys;
-    double least_distance, least_gap;  // squared where nothing has a radius
+    Places places, places_at_rest;
+    ChunkLists<CloseEntry> of_edges_found, of_triangles_found;
+    ChunkLists<NearTriangle> near_found;
+    Buffer<NearTriangle> near;
+    Buffer<int> group_start, order;
+    ImprovedMax improved_max[kMostThreads];
+    Least least[kMostThreads];
+    Buffer<CloseEntry> sorted;  // all that was found; of each part the first ones remain
+    Buffer<long> bucket_start, next, part_start;
+    struct Part {
+        Range left;  // what remains of it, in `sorted`
+        long of_kind[kKinds];
+    };
+    Buffer<Part> parts;
+    long part_count = 0;
 
-    // Two edges. improved: they are not merged with others.
-    bool look_at_edges(const int* v, const Point* x, const Point* x0, double reach, bool improved) {
-        Point p[4];
-        gather(v, x, p);
-        const Closest closest = closest_edges(p);
-        double share = 1;
-        if (!is_close(v, 2, p, closest, x0, reach, &share)) return true;
-        const double threshold = 1e-3 * square(x0[v[1]] - x0[v[0]]) * square(x0[v[3]] - x0[v[2]]);
-        CloseEntry entry = of_edges(v, p, threshold, closest.features);
-        entry.share = share;
-        if (improved)
-            for (int k = 0; k < 2; ++k) entry.edges[k] = edges.of(v[2 * k], v[2 * k + 1]);
-        return found.push(entry);
+    // False: out of memory.
+    bool find(const Question& ask, const int* edge_edge, long edge_count, const int* vertex_triangle,
+              long triangle_count) {
+        const double* const radii = thickness.radii;
+        if (!places.take(ask.x, nullptr, radii, vertices, ask.threads)) return false;
+        if (thickness.any() && !places_at_rest.take(ask.rest, nullptr, radii, vertices, ask.threads)) return false;
+        for (Least& one : least) one = {INFINITY, INFINITY};
+        of_triangles_found.clear(), near_found.clear();
+        const bool edges_fine = look<2>(ask, edge_edge, edge_count, of_edges_found, [&](const Near& pair, auto& list) {
+            if (!list.grow(1)) return false;
+            list.add(entry_of_edges(ask, pair.v, pair.closest.features));
+            CloseEntry& entry = list[list.count - 1];
+            entry.share = pair.share;
+            if (ask.improved)  // edge pairs are not merged with others
+                for (int k = 0; k < 2; ++k) entry.edges[k] = edges.of(pair.v[2 * k], pair.v[2 * k + 1]);
+            return true;
+        });
+        if (!edges_fine) return false;
+        const auto close_triangle = [&](const Near& pair, List<CloseEntry>& list) {
+            if (!list.grow(1)) return false;
+            list.add(of_vertex_and_triangle(pair.v, pair.closest.features));
+            list[list.count - 1].share = pair.share;
+            return true;
+        };
+        const auto near_triangle = [&](const Near& pair, List<NearTriangle>& list) {
+            const int* const v = pair.v;
+            return list.push({v[0], {v[1], v[2], v[3]}, pair.closest.features, pair.close, pair.share});
+        };
+        const bool triangles_fine =
+            ask.improved ? look<1>(ask, vertex_triangle, triangle_count, near_found, near_triangle) && add_near(ask)
+                         : look<1>(ask, vertex_triangle, triangle_count, of_triangles_found, close_triangle);
+        return triangles_fine && merge(ask);
     }
 
-    // A vertex and a triangle. improved: they are kept for add_near.
-    bool look_at_triangle(const int* v, const Point* x, const Point* x0, double reach, bool improved) {
-        Point p[4];
-        gather(v, x, p);
-        const Closest closest = closest_vertex_triangle(p);
-        double share = 1;
-        const bool close = is_close(v, 1, p, closest, x0, reach, &share);
-        if (improved) {
-            if (!close && !(thickness.any() && thickness.may_be_close(v, closest, reach))) return true;
-            return near.push({v[0], {v[1], v[2], v[3]}, closest.features, close, share});
-        }
-        if (!close) return true;
-        CloseEntry entry = of_vertex_and_triangle(v, closest.features);
-        entry.share = share;
-        return found.push(entry);
-    }
-
-    // How often each vertex counts at each place of the triangles near it.
-    bool add_near(const Point* x, double reach) {
-        order.clear();
-        if (!order.grow(near.count)) return false;
-        for (long k = 0; k < near.count; ++k) order.add(static_cast<uint64_t>(near[k].vertex) << 32 | k);
-        std::sort(order.begin(), order.end());
-        for (long k = 0, next; k < order.count; k = next) {
-            const uint64_t upper = order[k] >> 32;
-            for (next = k; next < order.count && order[next] >> 32 == upper;) ++next;
-            const int vertex = static_cast<int>(upper);
-            const auto triangle = [&](long t) -> const NearTriangle& { return near[order[k + t] & 0xffffffff]; };
-            const auto add = [&](CloseEntry entry, int times, double share) {
-                entry.times[entry.vertices[0] == vertex ? 0 : 1] = times;
-                entry.edges[0] = entry.edges[1] = edges.count;
-                entry.share = share;
-                return found.push(entry);
-            };
-            const bool fine = improved_max.count(
-                triangle, next - k, x, reach, thickness,
-                [&](const NearTriangle& t) { return add(of_vertex_and_triangle(&t.vertex, t.features), 1, t.share); },
-                [&](int a, int b, int times, double share) { return add(point_edge(vertex, a, b), times, share); },
-                [&](int a, int times, double share) { return add(point_point(vertex, a), times, share); });
-            if (!fine) return false;
-        }
-        return true;
-    }
-
-    // Sorts what was found, and makes one entry of equal ones; with improved max, none where they cancel. False: out of
-    // memory.
-    bool merge(bool improved) {
-        keys.clear(), entries.clear();
-        if (!keys.grow(found.count) || !entries.grow(found.count)) return false;
-        for (long k = 0; k < found.count; ++k) keys.add({found[k], static_cast<int>(k)});
-        std::sort(keys.begin(), keys.end(), Before{found.begin()});
-        for (long k = 0, next; k < keys.count; k = next) {
-            CloseEntry entry = found[keys[k].index];
-            for (next = k + 1; next < keys.count && same_entry(entry, found[keys[next].index]); ++next) {
-                const CloseEntry& other = found[keys[next].index];
-                entry.weight += other.weight;
-                for (int c = 0; c < 2; ++c) entry.times[c] += other.times[c];
-            }
-            const bool cancelled = improved && entry.edges[0] == edges.count && !entry.times[0] && !entry.times[1];
-            if (!cancelled) entries.add(entry);
-        }
-        return true;
+    // Where the entries of each kind end.
+    void ends_of_kinds(long* ends) const {
+        std::fill_n(ends, int(kKinds), 0);
+        for (long p = 0; p < part_count; ++p)
+            for (int kind = 0; kind < kKinds; ++kind) ends[kind] += parts[p].of_kind[kind];
+        for (int kind = 1; kind < kKinds; ++kind) ends[kind] += ends[kind - 1];
     }
 
   private:
-    // Whether a pair's gap is less than `reach`; then notes how near it is. share: of its offset, if it is near at all.
-    bool is_close(const int* v, int split, const Point* p, Closest closest, const Point* x0, double reach,
-                  double* share) {
+    // A pair that may be close; `close` says if it is. share: of its offset.
+    struct Near {
+        const int* v;
+        Closest closest;
+        bool close;
+        double share;
+    };
+
+    // Calls take(Near, list) for all pairs that are close; and for those of vertex and triangle, with improved max, of
+    // which another place of the triangle may be. False: out of memory.
+    template <int kSplit, class T, class Take>
+    bool look(const Question& ask, const int* rows, long count, ChunkLists<T>& lists, const Take& take) {
+        return lists.run((count + kChunk - 1) / kChunk, ask.threads, [&](long chunk, List<T>& list) {
+            const long begin = chunk * kChunk, end = std::min(count, begin + kChunk);
+            int near[kChunk], near_count = 0;
+            for (long k = begin; k < end; k += kPack)
+                near_count = add_near_lanes<kSplit>(ask, rows, k, end, near, near_count);
+            for (int k = 0; k < near_count; k += kPack) {
+                const int lanes = std::min<int>(kPack, near_count - k);
+                if (!take_pack<kSplit>(ask, rows, near + k, lanes, list, take)) return false;
+            }
+            return true;
+        });
+    }
+
+    // Adds to `near` those of eight pairs from the first one on that may be within reach. Returns its new length.
+    template <int kSplit>
+    int add_near_lanes(const Question& ask, const int* rows, long first, long end, int* near, int count) const {
+        int numbers[kPack];
+        const long lanes = std::min<long>(kPack, end - first);
+        for (int l = 0; l < kPack; ++l) numbers[l] = static_cast<int>(first + l);
+        const PairPack pack = gather(places, rows, numbers, lanes);
+        PointPack q[4];
+        pack.relative(q);
+        const Eight far = most_radii<kSplit>(pack.radius) + constant<Eight>(ask.reach);
+        const unsigned beyond = bits_of(along_middles<kSplit>(q).is_beyond(far));
+        for (int l = 0; l < lanes; ++l) {
+            near[count] = numbers[l];
+            count += !(beyond >> l & 1);
+        }
+        return count;
+    }
+
+    template <int kSplit, class T, class Take>
+    bool take_pack(const Question& ask, const int* rows, const int* numbers, int lanes, List<T>& list,
+                   const Take& take) {
+        Closest closest[kPack];
+        closest_of_pairs<kSplit>(gather(places, rows, numbers, lanes).p, ask.x, rows, numbers, lanes, closest);
+        unsigned apart_at_rest = 0;
+        if (thickness.any()) {
+            const PairPack pack = gather(places_at_rest, rows, numbers, lanes);
+            PointPack q[4];
+            pack.relative(q);
+            const Eight far = most_radii<kSplit>(pack.radius) + constant<Eight>(thickness.reach);
+            apart_at_rest = bits_of(along_middles<kSplit>(q).is_beyond(far * (1 + 1e-9)));
+        }
+        Least& here = least[omp_get_thread_num()];
+        for (int l = 0; l < lanes; ++l) {
+            const int* const v = rows + 4L * numbers[l];
+            Near pair = {v, closest[l], false, 1};
+            pair.close = is_close(ask, v, kSplit, closest[l], apart_at_rest >> l & 1, &pair.share, &here);
+            const bool may_count =
+                kSplit == 1 && ask.improved && thickness.any() && thickness.may_be_close(v, closest[l], ask.reach);
+            if ((pair.close || may_count) && !take(pair, list)) return false;
+        }
+        return true;
+    }
+
+    // Whether a pair's gap is less than the reach; then notes how near it is. share: of its offset, if it is near at
+    // all; it is whole for those that are far apart at rest.
+    bool is_close(const Question& ask, const int* v, int split, Closest closest, bool apart_at_rest, double* share,
+                  Least* here) const {
         if (!thickness.any()) {
-            if (!(closest.squared < reach * reach)) return false;
-            least_distance = std::min(least_distance, closest.squared);
+            if (!(closest.squared < ask.reach * ask.reach)) return false;
+            here->squared = std::min(here->squared, closest.squared);
             return true;
         }
+        Point p[4];
+        gather(v, ask.x, p);
         const double offset = thickness.offset(v, p, split, closest.features), distance = sqrt(closest.squared);
-        if (!(distance - offset < reach)) return false;
-        *share = thickness.share(v, split, x0);
+        if (!(distance - offset < ask.reach)) return false;
+        *share = apart_at_rest ? 1 : thickness.share(v, split, ask.rest);
         const double gap = distance - *share * offset;
-        if (!(gap < reach)) return false;
-        least_distance = std::min(least_distance, closest.squared), least_gap = std::min(least_gap, gap);
+        if (!(gap < ask.reach)) return false;
+        here->squared = std::min(here->squared, closest.squared), here->gap = std::min(here->gap, gap);
         return true;
+    }
+
+    static CloseEntry entry_of_edges(const Question& ask, const int* v, int features) {
+        Point p[4];
+        gather(v, ask.x, p);
+        const Point* const x0 = ask.rest;
+        const double threshold = 1e-3 * square(x0[v[1]] - x0[v[0]]) * square(x0[v[3]] - x0[v[2]]);
+        return of_edges(v, p, threshold, features);
+    }
+
+    // How often each vertex counts at each place of the triangles near it.
+    bool add_near(const Question& ask) {
+        const long count = near_found.total();
+        if (!near.reserve(count) || !order.reserve(count) || !group_start.reserve(vertices + 2)) return false;
+        near_found.copy(near.data, ask.threads);
+        for (int t = 0; t < ask.threads; ++t)
+            if (!improved_max[t].prepare(vertices)) return false;
+        // By vertices, in the order of the pairs.
+        int* const start = group_start.data;
+        std::fill_n(start, vertices + 2, 0);
+        for (long k = 0; k < count; ++k) ++start[near[k].vertex + 2];
+        for (long v = 0; v < vertices; ++v) start[v + 2] += start[v + 1];
+        for (long k = 0; k < count; ++k) order[start[near[k].vertex + 1]++] = static_cast<int>(k);
+        const long chunks = (count + kChunk - 1) / kChunk;
+        return of_triangles_found.run(chunks, ask.threads, [&](long chunk, List<CloseEntry>& list) {
+            ImprovedMax& improved = improved_max[omp_get_thread_num()];
+            const auto vertex_of = [&](long k) { return near[order[k]].vertex; };
+            const long end = std::min(count, (chunk + 1) * kChunk);
+            long k = chunk * kChunk;
+            if (k > 0) k = start[vertex_of(k - 1) + 1];  // the vertex there belongs to the chunk before
+            for (; k < end; k = start[vertex_of(k) + 1])
+                if (!add_vertex(ask, &order[k], start[vertex_of(k) + 1] - k, improved, list)) return false;
+            return true;
+        });
+    }
+
+    bool add_vertex(const Question& ask, const int* numbers, long count, ImprovedMax& improved,
+                    List<CloseEntry>& list) const {
+        const auto triangle = [&](long t) -> const NearTriangle& { return near[numbers[t]]; };
+        const int vertex = triangle(0).vertex;
+        const auto add = [&](CloseEntry entry, int times, double share) {
+            entry.times[entry.vertices[0] == vertex ? 0 : 1] = times;
+            entry.edges[0] = entry.edges[1] = edges.count;
+            entry.share = share;
+            return list.push(entry);
+        };
+        return improved.count(
+            triangle, count, ask.x, ask.reach, thickness,
+            [&](const NearTriangle& t) { return add(of_vertex_and_triangle(&t.vertex, t.features), 1, t.share); },
+            [&](int a, int b, int times, double share) { return add(point_edge(vertex, a, b), times, share); },
+            [&](int a, int times, double share) { return add(point_point(vertex, a), times, share); });
+    }
+
+    // Sorts what was found, and makes one entry of equal ones; with improved max, none where they cancel. False: out of
+    // memory. Buckets of kinds and first vertices are in order; each is sorted by itself.
+    bool merge(const Question& ask) {
+        const List<CloseEntry>* lists[2 * kMostThreads];
+        int list_count = 0;
+        long count = 0;
+        for (const ChunkLists<CloseEntry>* const found : {&of_edges_found, &of_triangles_found})
+            for (int t = 0; t < ask.threads; ++t) {
+                const List<CloseEntry>& list = found->of_thread(t);
+                count += list.count;
+                if (list.count > 0) lists[list_count++] = &list;
+            }
+        int shift = 0;
+        while (vertices >> shift > 256 + count / 8) ++shift;
+        const long of_kind = (vertices >> shift) + 1, buckets = kKinds * of_kind;
+        part_count = (count + kChunk - 1) / kChunk;
+        if (!sorted.reserve(count) || !bucket_start.reserve(buckets + 1) || !next.reserve(list_count * buckets) ||
+            !parts.reserve(part_count))
+            return false;
+        const auto bucket_of = [&](const CloseEntry& entry) {
+            return entry.kind * of_kind + (entry.vertices[0] >> shift);
+        };
+        // Where each list's entries of each bucket go.
+#pragma omp parallel for num_threads(ask.threads) schedule(dynamic) if (ask.threads > 1)
+        for (int l = 0; l < list_count; ++l) {
+            long* const of_list = &next[l * buckets];
+            std::fill_n(of_list, buckets, 0);
+            for (long k = 0; k < lists[l]->count; ++k) ++of_list[bucket_of((*lists[l])[k])];
+        }
+        long sum = 0;
+        for (long b = 0; b < buckets; ++b) {
+            bucket_start[b] = sum;
+            for (int l = 0; l < list_count; ++l) {
+                const long here = next[l * buckets + b];
+                next[l * buckets + b] = sum;
+                sum += here;
+            }
+        }
+        bucket_start[buckets] = sum;
+#pragma omp parallel for num_threads(ask.threads) schedule(dynamic) if (ask.threads > 1)
+        for (int l = 0; l < list_count; ++l) {
+            long* const of_list = &next[l * buckets];
+            for (long k = 0; k < lists[l]->count; ++k) {
+                const CloseEntry& entry = (*lists[l])[k];
+                sorted[of_list[bucket_of(entry)]++] = entry;
+            }
+        }
+#pragma omp parallel for num_threads(ask.threads) schedule(dynamic) if (ask.threads > 1)
+        for (long p = 0; p < part_count; ++p) {
+            // Buckets that begin among the entries of this part.
+            const long* const start = bucket_start.data;
+            const long begin = kChunk * p, end = std::min(count, begin + kChunk);
+            long bucket = std::lower_bound(start, start + buckets, begin) - start;
+            Part& part = parts[p];
+            part = {{start[bucket], start[bucket]}, {}};
+            for (; bucket < buckets && start[bucket] < end; ++bucket) {
+                const long before_it = part.left.end;
+                part.left.end = add_bucket(ask, {start[bucket], start[bucket + 1]}, before_it);
+                part.of_kind[bucket / of_kind] += part.left.end - before_it;
+            }
+        }
+        return true;
+    }
+
+    // Sorts a bucket, and writes what remains of it from `to` on. Returns where that ends.
+    long add_bucket(const Question& ask, Range bucket, long to) {
+        CloseEntry* const entries = sorted.data;
+        std::sort(entries + bucket.begin, entries + bucket.end, before);
+        for (long k = bucket.begin, next; k < bucket.end; k = next) {
+            CloseEntry entry = entries[k];
+            for (next = k + 1; next < bucket.end && same_entry(entry, entries[next]); ++next) {
+                entry.weight += entries[next].weight;
+                for (int c = 0; c < 2; ++c) entry.times[c] += entries[next].times[c];
+            }
+            const bool cancelled = ask.improved && entry.edges[0] == edges.count && !entry.times[0] && !entry.times[1];
+            if (!cancelled) entries[to++] = entry;
+        }
+        return to;
     }
 };
 
@@ -170,8 +365,9 @@ void* yasps_close_set_new(const int* edges, long edge_count, long vertices, cons
                           double reach) {
     CloseSet* const set = new (std::nothrow) CloseSet;
     if (set == nullptr) return nullptr;
+    set->vertices = vertices;
     set->thickness = {radii, objects, reach};
-    if (!set->edges.take(edges, edge_count, vertices) || !set->improved_max.prepare(vertices)) {
+    if (!set->edges.take(edges, edge_count, vertices)) {
         delete set;
         return nullptr;
     }
@@ -184,82 +380,43 @@ void* yasps_close_set_new(const int* edges, long edge_count, long vertices, cons
 // there is none.
 int yasps_close_set_find(void* close_set, const double* positions, const double* rest, double reach, int improved,
                          const int* edge_edge, long edge_count, const int* vertex_triangle, long triangle_count,
-                         long* ends, double* least) {
-    const Point *const x = reinterpret_cast<const Point*>(positions), *const x0 = reinterpret_cast<const Point*>(rest);
+                         int threads, long* ends, double* least) {
     CloseSet& set = *static_cast<CloseSet*>(close_set);
-    set.near.clear(), set.found.clear();
-    set.least_distance = set.least_gap = INFINITY;
-    for (long k = 0; k < edge_count; ++k)
-        if (!set.look_at_edges(edge_edge + 4 * k, x, x0, reach, improved)) return kOutOfMemory;
-    for (long k = 0; k < triangle_count; ++k)
-        if (!set.look_at_triangle(vertex_triangle + 4 * k, x, x0, reach, improved)) return kOutOfMemory;
-    if ((improved && !set.add_near(x, reach)) || !set.merge(improved)) return kOutOfMemory;
-    long end = 0;
-    for (int kind = 0; kind < kKinds; ++kind) {
-        while (end < set.entries.count && set.entries[end].kind == kind) ++end;
-        ends[kind] = end;
-    }
-    least[0] = sqrt(set.least_distance);
-    least[1] = set.thickness.any() ? set.least_gap : least[0];
+    const Question ask = {reinterpret_cast<const Point*>(positions), reinterpret_cast<const Point*>(rest), reach,
+                          improved != 0, std::min(threads, kMostThreads)};
+    if (!set.find(ask, edge_edge, edge_count, vertex_triangle, triangle_count)) return kOutOfMemory;
+    set.ends_of_kinds(ends);
+    Least all = {INFINITY, INFINITY};
+    for (const Least& one : set.least) all = {std::min(all.squared, one.squared), std::min(all.gap, one.gap)};
+    least[0] = sqrt(all.squared);
+    least[1] = set.thickness.any() ? all.gap : least[0];
     return kOk;
 }
 
 // Copies what was found last, [the last end] each: vertices [4], weights, counts and edges [2], shares. Null: not
 // needed.
-void yasps_close_set_copy(const void* close_set, int* vertices, double* weights, int* counts, int* edges,
-                          double* shares) {
-    const CloseSet& set = *static_cast<const CloseSet*>(close_set);
-    for (long k = 0; k < set.entries.count; ++k) {
-        const CloseEntry& entry = set.entries[k];
-        std::copy_n(entry.vertices, 4, vertices + 4 * k);
-        weights[k] = entry.weight, shares[k] = entry.share;
-        if (counts != nullptr) std::copy_n(entry.times, 2, counts + 2 * k);
-        if (edges != nullptr) std::copy_n(entry.edges, 2, edges + 2 * k);
+int yasps_close_set_copy(void* close_set, int threads, int* vertices, double* weights, int* counts, int* edges,
+                         double* shares) {
+    CloseSet& set = *static_cast<CloseSet*>(close_set);
+    if (!set.part_start.reserve(set.part_count)) return kOutOfMemory;
+    long sum = 0;
+    for (long p = 0; p < set.part_count; ++p) {
+        set.part_start[p] = sum;
+        sum += set.parts[p].left.end - set.parts[p].left.begin;
     }
-}
-
-// The largest step in [0, 1] from start towards end at which every pair still has a tenth of its gap, to 1 %; -1 if one
-// is within `touching` at the start. The gap is less by the radii of the close set.
-double yasps_step_bound(const void* close_set, const double* start, const double* end, const double* rest,
-                        double touching, const int* edge_edge, long edge_count, const int* vertex_triangle,
-                        long triangle_count) {
-    const Point *const from = reinterpret_cast<const Point*>(start), *const to = reinterpret_cast<const Point*>(end);
-    const Point* const x0 = reinterpret_cast<const Point*>(rest);
-    const Thickness& thickness = static_cast<const CloseSet*>(close_set)->thickness;
-    double step = 1;
-    const auto moving = [&](const int* v, int split) {
-        MovingPair pair;
-        pair.split = split;
-        for (int c = 0; c < 4; ++c) pair.at[c] = from[v[c]], pair.move[c] = to[v[c]] - pair.at[c];
-        return pair;
-    };
-    const auto look_at = [&](const int* v, int split) {
-        MovingPair pair = moving(v, split);
-        const Closest closest = pair.closest(pair.at);
-        if (!(closest.squared > touching * touching)) return false;
-        step = std::min(step, time_apart(pair, closest, 0, step));
-        return true;
-    };
-    const auto look_at_thick = [&](const int* v, int split) {
-        MovingPair pair = moving(v, split);
-        const Closest closest = pair.closest(pair.at);
-        const double offset = thickness.offset(v, pair.at, split, closest.features), least = thickness.least(v, split);
-        const double distance = sqrt(closest.squared);
-        if (distance - offset > touching && !(time_apart(pair, closest, least, step) < step)) return true;
-        const double share = thickness.share(v, split, x0);  // it costs more, and allows more
-        if (!(distance - share * offset > touching)) return false;
-        pair = moving(v, split);
-        step = std::min(step, time_apart(pair, closest, share * least, step));
-        return true;
-    };
-    const auto all = [&](const auto& look) {
-        for (long k = 0; k < edge_count; ++k)
-            if (!look(edge_edge + 4 * k, 2)) return false;
-        for (long k = 0; k < triangle_count; ++k)
-            if (!look(vertex_triangle + 4 * k, 1)) return false;
-        return true;
-    };
-    return (thickness.any() ? all(look_at_thick) : all(look_at)) ? step : -1;
+#pragma omp parallel for num_threads(std::min(threads, kMostThreads)) schedule(dynamic) if (threads > 1)
+    for (long p = 0; p < set.part_count; ++p) {
+        const Range left = set.parts[p].left;
+        long to = set.part_start[p];
+        for (long k = left.begin; k < left.end; ++k, ++to) {
+            const CloseEntry& entry = set.sorted[k];
+            std::copy_n(entry.vertices, 4, vertices + 4 * to);
+            weights[to] = entry.weight, shares[to] = entry.share;
+            if (counts != nullptr) std::copy_n(entry.times, 2, counts + 2 * to);
+            if (edges != nullptr) std::copy_n(entry.edges, 2, edges + 2 * to);
+        }
+    }
+    return kOk;
 }
 
 // Where on the way from start to end ([vertices, 3], of ids [count]) all vertices are nearest to `positions`, and the

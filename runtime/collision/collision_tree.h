@@ -45,21 +45,42 @@ inline Box box_of(Point start, Point end) {
     return {from, from, along, along};
 }
 
+// One bit a lane.
+inline unsigned bits_of(i4 mask) {
+#if defined(__SSE__)
+    return static_cast<unsigned>(__builtin_ia32_movmskps(reinterpret_cast<f4>(mask)));
+#else
+    unsigned bits = 0;
+    for (int lane = 0; lane < 4; ++lane) bits |= static_cast<unsigned>(mask[lane] & 1) << lane;
+    return bits;
+#endif
+}
+
 // Whether what both boxes hold may come within `reach` of each other, in all coordinates.
 inline bool may_meet(const Box& a, const Box& b, float reach) {
     const f4 zero = {0, 0, 0, 0};
     const f4 lower = a.lower + smaller(zero, a.slowest - b.fastest);
     const f4 upper = a.upper + larger(zero, a.fastest - b.slowest);
     const i4 apart = (lower > b.upper + reach) | (upper < b.lower - reach);
-    return !(apart[0] | apart[1] | apart[2]);
+    return (bits_of(apart) & 7) == 0;
 }
 
 // The boxes of up to eight pieces that lie near each other, coordinate by coordinate.
 constexpr int kBlock = 8;
 typedef float f8 __attribute__((vector_size(32)));
 typedef int i8 __attribute__((vector_size(32)));
+inline unsigned bits_of(i8 mask) {
+#if defined(__AVX__)
+    return static_cast<unsigned>(__builtin_ia32_movmskps256(reinterpret_cast<f8>(mask)));
+#else
+    unsigned bits = 0;
+    for (int lane = 0; lane < kBlock; ++lane) bits |= static_cast<unsigned>(mask[lane] & 1) << lane;
+    return bits;
+#endif
+}
 struct Block {
     f8 lower[3], upper[3], slowest[3], fastest[3];
+    i8 vertices[3], label;  // of the pieces; a piece has as many as its arity
 
     void clear() {  // boxes that meet nothing
         for (int k = 0; k < 3; ++k) {
@@ -73,13 +94,34 @@ struct Block {
             slowest[k][place] = box.slowest[k], fastest[k][place] = box.fastest[k];
         }
     }
+    // Nonzero where a piece has a vertex with the one at `place` of `other`, or both have the same label, from 0 on.
+    template <int kArity, int kOtherArity>
+    i8 joined_with(const Block& other, int place) const {
+        const int its_label = other.label[place];
+        i8 joined = its_label < 0 ? i8{} : label == its_label;
+        for (int d = 0; d < kOtherArity; ++d)
+            for (int c = 0; c < kArity; ++c) joined |= vertices[c] == other.vertices[d][place];
+        return joined;
+    }
     // Nonzero where a box is farther than `reach` from the one at `place` of `other`, as may_meet.
     i8 apart_from(const Block& other, int place, float reach) const {
         i8 apart = {};
+#pragma GCC unroll 3
         for (int k = 0; k < 3; ++k) {
             const f8 back = slowest[k] - other.fastest[k][place], ahead = fastest[k] - other.slowest[k][place];
             apart |= lower[k] + (back < 0 ? back : f8{}) > other.upper[k][place] + reach;
             apart |= upper[k] + (ahead > 0 ? ahead : f8{}) < other.lower[k][place] - reach;
+        }
+        return apart;
+    }
+    // The same for a whole node.
+    i8 apart_from(const Box& other, float reach) const {
+        i8 apart = {};
+#pragma GCC unroll 3
+        for (int k = 0; k < 3; ++k) {
+            const f8 back = slowest[k] - other.fastest[k], ahead = fastest[k] - other.slowest[k];
+            apart |= lower[k] + (back < 0 ? back : f8{}) > other.upper[k] + reach;
+            apart |= upper[k] + (ahead > 0 ? ahead : f8{}) < other.lower[k] - reach;
         }
         return apart;
     }
@@ -197,6 +239,8 @@ struct Tree {
             Box box = around(ids[0]);
             for (int c = 1; c < arity; ++c) box.include(around(ids[c]));
             block.set(k - begin, box);
+            for (int c = 0; c < arity; ++c) block.vertices[c][k - begin] = ids[c];
+            block.label[k - begin] = label[k];
             if (k == begin) {
                 *here = {box, label[k]};
             } else {

@@ -33,6 +33,7 @@ class ImprovedMax {
   public:
     // vertices: one more than the largest id. False: out of memory.
     bool prepare(long vertices) {
+        if (corners_.capacity >= vertices && corners_.data != nullptr) return true;
         if (!corners_.reserve(vertices)) return false;
         for (long v = 0; v < vertices; ++v) corners_[v].around = kUntouched;
         return true;

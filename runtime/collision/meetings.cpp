@@ -1,4 +1,8 @@
 // Which pairs of surface pieces would meet on a straight way, when, and where they are closest then.
+#include <algorithm>
+
+#include "collision/chunks.h"
+#include "collision/free_ways.h"
 #include "collision/pair_distance.h"
 #include "collision/thickness.h"
 #include "collision/time_apart.h"
@@ -51,17 +55,27 @@ using namespace yasps;
 extern "C" {
 
 // For each of `count` pairs, [4] vertices, the first `split` of them of the first piece: the time in [0, 1] on the way
-// from start to end at which it has hardly more than a tenth of its gap, above 1 if it never has. For those that have:
-// the gap at the start, the offset by radii, closest-point weights [4] at that time and the way [3] between the closest
-// points then. radii, objects, rest, reach: see Thickness.
-void yasps_meetings(const double* start, const double* end, const double* rest, const double* radii, const int* objects,
-                    double reach, const int* pairs, long count, int split, int threads, double* times, double* gaps,
-                    double* offsets, double* weights, double* ways) {
+// from start to end ([vertices, 3]) at which it has hardly more than a tenth of its gap, above 1 if it never has. For
+// those that have: the gap at the start, the offset by radii, closest-point weights [4] at that time and the way [3]
+// between the closest points then. radii, objects, rest, reach: see Thickness.
+int yasps_meetings(const double* start, const double* end, long vertices, const double* rest, const double* radii,
+                   const int* objects, double reach, const int* pairs, long count, int split, int threads,
+                   double* times, double* gaps, double* offsets, double* weights, double* ways) {
     const Point *const from = reinterpret_cast<const Point*>(start), *const to = reinterpret_cast<const Point*>(end);
     const Point* const x0 = reinterpret_cast<const Point*>(rest);
     const Thickness thickness = {radii, objects, reach};
-#pragma omp parallel for num_threads(threads) schedule(dynamic, 4096)
-    for (long k = 0; k < count; ++k) {
+    const int used = std::min(threads, kMostThreads);
+    FreeWays free_ways;
+    ChunkLists<Suspect> found;
+    Buffer<Suspect> suspects;
+    if (!free_ways.take(from, to, radii, vertices, 0, used) || !free_ways.find(split, pairs, count, used, &found) ||
+        !suspects.reserve(found.total()))
+        return kOutOfMemory;
+    found.copy(suspects.data, used);
+    std::fill_n(times, count, INFINITY);
+#pragma omp parallel for num_threads(used) schedule(dynamic, 64) if (used > 1)
+    for (long n = 0; n < found.total(); ++n) {
+        const long k = suspects[n].number;
         const int* const v = pairs + 4 * k;
         MovingPair pair;
         pair.split = split;
@@ -85,5 +99,6 @@ void yasps_meetings(const double* start, const double* end, const double* rest, 
         *way = g[0] * p[0] + g[1] * p[1];
         *way = *way + (g[2] * p[2] + g[3] * p[3]);
     }
+    return kOk;
 }
 }

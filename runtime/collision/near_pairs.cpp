@@ -8,51 +8,55 @@
 #include <algorithm>
 #include <new>
 
+#include "collision/chunks.h"
 #include "collision/collision_tree.h"
+#include "collision/list.h"
 #include "collision/pair_distance.h"
+#include "collision/pair_packs.h"
 #include "core/runtime.h"
 
 namespace yasps {
 namespace {
 
-// A lower bound of the distance of two moving sets of vertices, against `reach`: they stay apart if they do so along
-// the line through their middles. Vertices move straight, so that the gap there is a concave function of time and least
-// at an end of the motion.
-bool may_come_near(const int* first, int first_count, const int* second, int second_count, const Point* start,
-                   const Point* end, double reach) {
-    const auto middle = [&](const int* ids, int count) {
-        Point sum = {0, 0, 0};
-        for (int c = 0; c < count; ++c) sum = sum + (start[ids[c]] + end[ids[c]]);
-        return (1.0 / count) * sum;
-    };
-    const Point line = middle(second, second_count) - middle(first, first_count);
-    const double limit = reach * sqrt(square(line));
-    for (const Point* const x : {start, end}) {
-        double last = -INFINITY, next = INFINITY;
-        for (int c = 0; c < first_count; ++c) last = std::max(last, dot(line, x[first[c]]));
-        for (int c = 0; c < second_count; ++c) next = std::min(next, dot(line, x[second[c]]));
-        if (!(next - last > limit)) return true;
-    }
-    return false;
-}
-
-struct Pairs {
-    Buffer<int> rows;  // [count, 4]
-    long count = 0;
-
-    bool add(const int* first, int first_count, const int* second, int second_count) {
-        if (4 * (count + 1) > rows.capacity) {
-            Buffer<int> more;
-            if (!more.reserve(8 * count + 4096)) return false;
-            for (long k = 0; k < 4 * count; ++k) more[k] = rows[k];
-            rows.swap(more);
-        }
-        int* const row = &rows[4 * count++];
-        for (int c = 0; c < first_count; ++c) row[c] = first[c];
-        for (int c = 0; c < second_count; ++c) row[first_count + c] = second[c];
-        return true;
-    }
+struct Row {
+    int vertices[4];
 };
+typedef List<Row> Pairs;
+
+// Where vertices are at both ends of their way.
+struct Ends {
+    Places start, end;
+};
+
+// Drops those of `rows` from `first` on that stay apart, a lower bound of their distance against `reach`: they do if
+// they do so along the line through their middles. Vertices move straight, so that the gap there is a concave function
+// of time and least at an end of the motion.
+template <int kSplit>
+void drop_apart(const Ends& ends, double reach, long first, Pairs* rows) {
+    if (rows->count == first) return;
+    const int* const pairs = rows->items[0].vertices;
+    long to = first;
+    for (long k = first; k < rows->count; k += kPack) {
+        const int lanes = static_cast<int>(std::min<long>(kPack, rows->count - k));
+        int numbers[kPack];
+        for (int l = 0; l < kPack; ++l) numbers[l] = l;
+        const PairPack start = gather(ends.start, pairs + 4 * k, numbers, lanes);
+        const PairPack end = gather(ends.end, pairs + 4 * k, numbers, lanes);
+        PointPack q[4], moved[4], sum[4];
+        start.relative(q), end.relative(moved);
+        for (int c = 0; c < 4; ++c) sum[c] = q[c] + moved[c];
+        // The first vertex moves, too, but both middles are taken relative to it.
+        const PointPack line = line_of_middles<kSplit>(sum);
+        const Eight far = most_radii<kSplit>(start.radius) + constant<Eight>(reach);
+        const unsigned apart =
+            bits_of(along<kSplit>(line, q).is_beyond(far)) & bits_of(along<kSplit>(line, moved).is_beyond(far));
+        for (int l = 0; l < lanes; ++l) {
+            (*rows)[to] = (*rows)[k + l];
+            to += !(apart >> l & 1);
+        }
+    }
+    rows->count = to;
+}
 
 // Two nodes that still have to be looked at.
 struct Task {
@@ -67,23 +71,20 @@ struct Scene {
     long class_count;
 
     bool may_meet(int v, int w) const { return classes == nullptr || meet[classes[v] * class_count + classes[w]] != 0; }
-    double most_radius(const int* ids, int count) const {
-        double most = 0;
-        for (int c = 0; c < count; ++c) most = std::max(most, radii[ids[c]]);
-        return most;
-    }
 };
 
 // Looks for pairs of a piece of one tree and one of another, or of two pieces of the same.
+// kSplit: vertices of the first of both, of four in all.
+template <int kSplit>
 struct Search {
     const Tree &a, &b;
     const Scene& scene;
-    const Point *start, *end;
+    const Ends& ends;
     double reach;
     float reach_of_boxes;
 
-    Search(const Tree& first, const Tree& second, const Scene& of, const Point* from, const Point* to, double distance)
-        : a(first), b(second), scene(of), start(from), end(to), reach(distance) {
+    Search(const Tree& first, const Tree& second, const Scene& of, const Ends& way, double distance)
+        : a(first), b(second), scene(of), ends(way), reach(distance) {
         // Each number is rounded about five times.
         constexpr float kRounding = 32 * 6e-8F;
         const bool some = a.count > 0 && b.count > 0;
@@ -112,88 +113,76 @@ struct Search {
     }
     bool is_same(const Task& task) const { return &a == &b && task.a.node == task.b.node; }
 
-    // Adds what two blocks have; false: out of memory.
+    // Adds what two blocks have and whose boxes meet; false: out of memory.
     bool look_at(const Task& task, Pairs* found) const {
-        const int left = kBlock * task.a.block, right = kBlock * task.b.block;
-        const int rows = a.end_of(task.a.block + 1) - left;
+        const long left = kBlock * task.a.block, right = kBlock * task.b.block;
         const Block &one = a.blocks[task.a.block], &other = b.blocks[task.b.block];
-        for (int i = 0; i < rows; ++i) {
-            const i8 apart = other.apart_from(one, i, reach_of_boxes);
-            int near[kBlock], count = 0;
-#pragma GCC unroll 8
-            for (int j = 0; j < kBlock; ++j) {  // without branches: which are near is hard to guess
-                near[count] = right + j;
-                count += apart[j] == 0;
-            }
-            for (int n = 0; n < count; ++n) {
-                if (is_same(task) && near[n] <= left + i) continue;
-                if (!look_at(left + i, near[n], found)) return false;
-            }
+        if (!found->grow(kBlock * kBlock)) return false;
+        const unsigned rows = bits_of(one.apart_from(b.nodes[task.b.node].box, reach_of_boxes)) ^ 0xff;
+        for (unsigned left_rows = rows; left_rows != 0; left_rows &= left_rows - 1) {
+            const int i = __builtin_ctz(left_rows);
+            i8 apart = other.apart_from(one, i, reach_of_boxes) | other.joined_with<4 - kSplit, kSplit>(one, i);
+            if (is_same(task)) apart |= i8{0, 1, 2, 3, 4, 5, 6, 7} <= i;
+            for (unsigned near = bits_of(apart) ^ 0xff; near != 0; near &= near - 1)
+                add(&a.vertices[kSplit * (left + i)], &b.vertices[(4 - kSplit) * (right + __builtin_ctz(near))], found);
         }
         return true;
     }
 
-    bool look_at(int left, int right, Pairs* found) const {
-        if (a.label[left] >= 0 && a.label[left] == b.label[right]) return true;
-        const int *first = a.at(left), *second = b.at(right);
-        for (int i = 0; i < a.arity; ++i)
-            for (int j = 0; j < b.arity; ++j)
-                if (first[i] == second[j]) return true;
-        if (!scene.may_meet(first[0], second[0])) return true;
-        double far = reach;
-        if (scene.radii != nullptr) far += scene.most_radius(first, a.arity) + scene.most_radius(second, b.arity);
-        if (!may_come_near(first, a.arity, second, b.arity, start, end, far)) return true;
+    // There is room.
+    void add(const int* first, const int* second, Pairs* found) const {
+        if (!scene.may_meet(first[0], second[0])) return;
         if (&a == &b && second[0] < first[0]) std::swap(first, second);
-        return found->add(first, a.arity, second, b.arity);
+        Row row;
+        for (int c = 0; c < kSplit; ++c) row.vertices[c] = first[c];
+        for (int c = kSplit; c < 4; ++c) row.vertices[c] = second[c - kSplit];
+        found->add(row);
     }
 
     bool finish(const Task& task, Pairs* found) const {
-        Task stack[256];  // a step down in one of both trees adds at most two, and no tree is deeper than 32
+        constexpr long kMany = 512;  // pairs that are still in the cache
+        Task stack[256];             // a step down in one of both trees adds at most two, and no tree is deeper than 32
         int height = 0;
         stack[height++] = task;
+        long looked_at = found->count;
+        const auto drop = [&] {
+            drop_apart<kSplit>(ends, reach, looked_at, found);
+            looked_at = found->count;
+        };
         while (height > 0) {
             --height;
             const int more = step(stack[height], stack + height, found);
             if (more < 0) return false;
             height += more;
+            if (found->count - looked_at >= kMany) drop();
         }
+        drop();
         return true;
     }
 
-    // Every thread adds to its own list; found: [threads].
-    bool run(Pairs* found, int threads) const {
+    // False: out of memory.
+    bool run(ChunkLists<Row>* found, int threads) const {
         constexpr int kTasks = 64;
         Task tasks[kTasks + 3];
+        Pairs none;
         int first = 0, count = 0;
         if (a.count > 0 && b.count > 0) tasks[count++] = {{0, 0, a.block_count()}, {0, 0, b.block_count()}};
         for (; first < count && count < kTasks; ++first) {
-            const int more = step(tasks[first], tasks + count, found);
-            if (more < 0) return false;
-            count += more;
+            const Task task = tasks[first];
+            if (task.a.is_leaf() && task.b.is_leaf()) break;  // it has pairs, and no more tasks
+            count += step(task, tasks + count, &none);
         }
-        bool fine = true;
-#pragma omp parallel for num_threads(threads) schedule(dynamic) reduction(&& : fine)
-        for (int k = first; k < count; ++k) fine = finish(tasks[k], &found[omp_get_thread_num()]) && fine;
-        return fine;
+        return found->run(count - first, threads, [&](long k, Pairs& list) { return finish(tasks[first + k], &list); });
     }
 };
 
 struct Surface {
-    static constexpr int kMostThreads = 64;
     Scene scene;
     Tree vertices, edges, triangles, points, free_edges;
-    Pairs edge_edge[kMostThreads], vertex_triangle[kMostThreads];
+    Ends ends;
+    // Pairs of edges, two points, and a point and an edge; then of vertex and triangle.
+    ChunkLists<Row> edge_edge, point_point, point_edge, vertex_triangle;
 };
-
-long total(const Pairs* lists) {
-    long sum = 0;
-    for (int t = 0; t < Surface::kMostThreads; ++t) sum += lists[t].count;
-    return sum;
-}
-
-void copy(const Pairs* lists, int* rows) {
-    for (int t = 0; t < Surface::kMostThreads; ++t) rows = std::copy_n(lists[t].rows.data, 4 * lists[t].count, rows);
-}
 
 }  // namespace
 }  // namespace yasps
@@ -223,13 +212,16 @@ void* yasps_surface_new(const int* const* pieces, const long* counts, const int*
 }
 
 // Finds all pairs of edges and of vertex and triangle that may come within `reach` (and their radii) while every vertex
-// moves straight from start to end ([all vertices, 3]); sort: look for a better order of the trees first. Their numbers
-// go to counts[2]; the pairs, in no special order, stay in the surface until the next call.
-int yasps_surface_find(void* surface, const double* start, const double* end, double reach, int sort, long* counts,
-                       int threads) {
+// moves straight from start to end ([vertices, 3]); sort: look for a better order of the trees first. Their numbers
+// go to counts[2]; the pairs, the same for any number of threads, stay in the surface until the next call.
+int yasps_surface_find(void* surface, const double* start, const double* end, long vertices, double reach, int sort,
+                       long* counts, int threads) {
     Surface& s = *static_cast<Surface*>(surface);
     const Point *const from = reinterpret_cast<const Point*>(start), *const to = reinterpret_cast<const Point*>(end);
-    const int used = std::min(threads, Surface::kMostThreads);
+    const int used = std::min(threads, kMostThreads);
+    if (!s.ends.start.take(from, nullptr, s.scene.radii, vertices, used) ||
+        !s.ends.end.take(to, nullptr, s.scene.radii, vertices, used))
+        return kOutOfMemory;
     Tree* const trees[5] = {&s.edges, &s.triangles, &s.vertices, &s.points, &s.free_edges};
     const int tree_count = s.points.count > 0 ? 5 : 3;
 #pragma omp parallel for num_threads(used) schedule(dynamic)
@@ -237,24 +229,25 @@ int yasps_surface_find(void* surface, const double* start, const double* end, do
         if (sort) trees[k]->sort(from);
         trees[k]->fit(from, to, s.scene.radii);
     }
-    for (int t = 0; t < Surface::kMostThreads; ++t) s.edge_edge[t].count = s.vertex_triangle[t].count = 0;
-    const auto search = [&](const Tree& a, const Tree& b, Pairs* found) {
-        return Search(a, b, s.scene, from, to, reach).run(found, used);
+    const auto edges = [&](const Tree& a, const Tree& b, ChunkLists<Row>& found) {
+        return Search<2>(a, b, s.scene, s.ends, reach).run(&found, used);
     };
-    if (!search(s.edges, s.edges, s.edge_edge) || !search(s.vertices, s.triangles, s.vertex_triangle))
+    const Search<1> of_triangles(s.vertices, s.triangles, s.scene, s.ends, reach);
+    if (!edges(s.edges, s.edges, s.edge_edge) || !of_triangles.run(&s.vertex_triangle, used) ||
+        !edges(s.points, s.points, s.point_point) || !edges(s.points, s.free_edges, s.point_edge))
         return kOutOfMemory;
-    if (s.points.count > 0 &&
-        (!search(s.points, s.points, s.edge_edge) || !search(s.points, s.free_edges, s.edge_edge)))
-        return kOutOfMemory;
-    counts[0] = total(s.edge_edge);
-    counts[1] = total(s.vertex_triangle);
+    counts[0] = s.edge_edge.total() + s.point_point.total() + s.point_edge.total();
+    counts[1] = s.vertex_triangle.total();
     return kOk;
 }
 
 // Copies the pairs last found: int [counts[k], 4] each.
-void yasps_surface_pairs(const void* surface, int* edge_edge, int* vertex_triangle) {
+void yasps_surface_pairs(const void* surface, int* edge_edge, int* vertex_triangle, int threads) {
     const Surface& s = *static_cast<const Surface*>(surface);
-    copy(s.edge_edge, edge_edge);
-    copy(s.vertex_triangle, vertex_triangle);
+    const int used = std::min(threads, kMostThreads);
+    Row* to = reinterpret_cast<Row*>(edge_edge);
+    for (const ChunkLists<Row>* const found : {&s.edge_edge, &s.point_point, &s.point_edge})
+        found->copy(to, used), to += found->total();
+    s.vertex_triangle.copy(reinterpret_cast<Row*>(vertex_triangle), used);
 }
 }

@@ -13,15 +13,36 @@
 
 namespace yasps {
 
-struct Point {
-    double x, y, z;
+// T: a number, or a pack of them.
+template <class T>
+struct PointOf {
+    T x, y, z;
 };
-inline Point operator+(Point a, Point b) { return {a.x + b.x, a.y + b.y, a.z + b.z}; }
-inline Point operator-(Point a, Point b) { return {a.x - b.x, a.y - b.y, a.z - b.z}; }
-inline Point operator*(double s, Point a) { return {s * a.x, s * a.y, s * a.z}; }
-inline double dot(Point a, Point b) { return a.x * b.x + a.y * b.y + a.z * b.z; }
-inline double square(Point a) { return dot(a, a); }
-inline Point cross(Point a, Point b) { return {a.y * b.z - a.z * b.y, a.z * b.x - a.x * b.z, a.x * b.y - a.y * b.x}; }
+typedef PointOf<double> Point;
+template <class T>
+inline PointOf<T> operator+(PointOf<T> a, PointOf<T> b) {
+    return {a.x + b.x, a.y + b.y, a.z + b.z};
+}
+template <class T>
+inline PointOf<T> operator-(PointOf<T> a, PointOf<T> b) {
+    return {a.x - b.x, a.y - b.y, a.z - b.z};
+}
+template <class T>
+inline PointOf<T> operator*(T s, PointOf<T> a) {
+    return {s * a.x, s * a.y, s * a.z};
+}
+template <class T>
+inline T dot(PointOf<T> a, PointOf<T> b) {
+    return a.x * b.x + a.y * b.y + a.z * b.z;
+}
+template <class T>
+inline T square(PointOf<T> a) {
+    return dot(a, a);
+}
+template <class T>
+inline PointOf<T> cross(PointOf<T> a, PointOf<T> b) {
+    return {a.y * b.z - a.z * b.y, a.z * b.x - a.x * b.z, a.x * b.y - a.y * b.x};
+}
 
 // The closest features of a pair: a vertex or all of each piece. On the vertex's side of a triangle pair that is the
 // vertex itself; on the triangle's, a corner (kCorner + k), a side from corner k to the next (kSide + k), or kInside.

@@ -17,11 +17,13 @@ from yasps.runtime.core.library import BoolArray, FloatArray, IntArray, Runtime,
 from yasps.runtime.core.uncopied import Uncopied
 
 KINDS = 7
-"""Kinds of close pairs, in the order of `Kind` in close_pairs.cpp."""
+"""Kinds of close pairs, in the order of `Kind` in close_entry.h."""
 _SEARCHES_PER_ORDER = 16
 """How many searches use one order of the trees: a better one costs as much as a few searches in a bad one."""
 _FEW = 256
 """Surfaces with fewer vertices are searched before a second thread has woken up."""
+_FEW_PAIRS = 4096
+"""The same of pairs that are measured."""
 MOST_PAIRS = (2**31 - 1) // 7
 """Close pairs are numbered with 31 bits, and with improved max a vertex and a triangle may add seven of them."""
 
@@ -144,14 +146,17 @@ class Surface(Uncopied):
             self.edges.ctypes.data,
             len(self.edges),
             len(labels),
-            None if thickness is None else thickness.radii.ctypes.data,
-            None if thickness is None else thickness.objects.ctypes.data,
-            0.0 if thickness is None else thickness.reach,
+            *self._thickness_arguments(),
         )
         if not close_set:
             raise MemoryError("no memory for the close pairs of a surface")
         self._close_set: int = close_set
         weakref.finalize(self, runtime.library.yasps_close_set_free, close_set)
+        step_bound = runtime.library.yasps_step_bound_new()
+        if not step_bound:
+            raise MemoryError("no memory for the step bounds of a surface")
+        self._step_bound: int = step_bound
+        weakref.finalize(self, runtime.library.yasps_step_bound_free, step_bound)
 
     def find(self, start: FloatArray, end: FloatArray, reach: float) -> SurfacePairs:
         """All pairs without a common vertex that may come within `reach` and their radii on the straight way; and some
@@ -162,12 +167,14 @@ class Surface(Uncopied):
         library = self._runtime.library
         threads = self._runtime.thread_count(None) if len(self.vertices) >= _FEW else 1
         status = library.yasps_surface_find(
-            self._handle, start.ctypes.data, end.ctypes.data, reach, int(sort), counts, threads
+            self._handle, start.ctypes.data, end.ctypes.data, len(start), reach, int(sort), counts, threads
         )
         check_status(status)
         check_pair_count(sum(counts))
         pairs = SurfacePairs(np.empty((counts[0], 4), np.int32), np.empty((counts[1], 4), np.int32))
-        library.yasps_surface_pairs(self._handle, pairs.edge_edge.ctypes.data, pairs.vertex_triangle.ctypes.data)
+        library.yasps_surface_pairs(
+            self._handle, pairs.edge_edge.ctypes.data, pairs.vertex_triangle.ctypes.data, threads
+        )
         return pairs
 
     def distance_to_way(self, start: FloatArray, end: FloatArray, positions: FloatArray) -> float:
@@ -196,7 +203,7 @@ class Surface(Uncopied):
         """
         ends = (ctypes.c_long * KINDS)()
         least = (ctypes.c_double * 2)()
-        library = self._runtime.library
+        library, threads = self._runtime.library, self._threads_for(pairs)
         status = library.yasps_close_set_find(
             self._close_set,
             positions.ctypes.data,
@@ -204,6 +211,7 @@ class Surface(Uncopied):
             reach,
             int(improved_max),
             *_addresses(pairs),
+            threads,
             ends,
             least,
         )
@@ -211,14 +219,16 @@ class Surface(Uncopied):
         count = ends[-1]
         vertices, weight, share = np.empty((count, 4), np.int32), np.empty(count), np.empty(count)
         counts, edges = np.zeros((count, 2), np.int32), np.zeros((count, 2), np.int32)
-        library.yasps_close_set_copy(
+        status = library.yasps_close_set_copy(
             self._close_set,
+            threads,
             vertices.ctypes.data,
             weight.ctypes.data,
             counts.ctypes.data if improved_max else None,
             edges.ctypes.data if improved_max else None,
             share.ctypes.data,
         )
+        check_status(status)
         parts = [slice(begin, end) for begin, end in pairwise([0, *ends])]
         kinds = [ClosePairs(vertices[k], weight[k], counts[k], edges[k], share[k]) for k in parts]
         return kinds, *least
@@ -228,41 +238,52 @@ class Surface(Uncopied):
     ) -> float | None:
         """The largest step in [0, 1] from start straight towards end at which every pair still has a tenth of its gap,
         to 1 %; None if one is within `touching` at the start."""
-        step = float(
-            self._runtime.library.yasps_step_bound(
-                self._close_set,
-                start.ctypes.data,
-                end.ctypes.data,
-                rest.ctypes.data,
-                touching,
-                *_addresses(pairs),
-            )
+        step = ctypes.c_double()
+        status = self._runtime.library.yasps_step_bound(
+            self._step_bound,
+            start.ctypes.data,
+            end.ctypes.data,
+            len(start),
+            rest.ctypes.data,
+            *self._thickness_arguments(),
+            touching,
+            *_addresses(pairs),
+            self._threads_for(pairs),
+            ctypes.addressof(step),
         )
-        return step if step >= 0 else None
+        check_status(status)
+        return step.value if step.value >= 0 else None
 
     def meetings(self, start: FloatArray, end: FloatArray, rest: FloatArray, pairs: SurfacePairs) -> Meetings:
         """Those of the pairs that do not keep a tenth of their gap on the straight way from start to end."""
-        thick, found = self.thickness, []
+        found = []
         for vertices, split in ((pairs.edge_edge, 2), (pairs.vertex_triangle, 1)):
             count = len(vertices)
             times, gaps, offsets = np.empty(count), np.empty(count), np.empty(count)
             weights, ways = np.empty((count, 4)), np.empty((count, 3))
-            self._runtime.library.yasps_meetings(
+            status = self._runtime.library.yasps_meetings(
                 start.ctypes.data,
                 end.ctypes.data,
+                len(start),
                 rest.ctypes.data,
-                None if thick is None else thick.radii.ctypes.data,
-                None if thick is None else thick.objects.ctypes.data,
-                0.0 if thick is None else thick.reach,
+                *self._thickness_arguments(),
                 vertices.ctypes.data,
                 count,
                 split,
-                self._runtime.thread_count(None) if count >= _FEW else 1,
+                self._threads_for(pairs),
                 *(one.ctypes.data for one in (times, gaps, offsets, weights, ways)),
             )
+            check_status(status)
             meets = times <= 1
             found.append([one[meets] for one in (vertices, times, gaps, offsets, weights, ways)])
         return Meetings(*(np.concatenate(both) for both in zip(*found, strict=True)))
+
+    def _thickness_arguments(self) -> tuple[int | None, int | None, float]:
+        thick = self.thickness
+        return (None, None, 0.0) if thick is None else (thick.radii.ctypes.data, thick.objects.ctypes.data, thick.reach)
+
+    def _threads_for(self, pairs: SurfacePairs) -> int:
+        return self._runtime.thread_count(None) if len(pairs) >= _FEW_PAIRS else 1
 
 
 def check_pair_count(count: int) -> None:

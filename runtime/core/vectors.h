@@ -83,6 +83,10 @@ template <class T>
 inline Pair<T> operator|(Pair<T> a, Pair<T> b) {
     return {a.first | b.first, a.second | b.second};
 }
+template <class T>
+inline Pair<T> operator~(Pair<T> a) {
+    return {~a.first, ~a.second};
+}
 
 template <class V>
 inline auto less(V a, V b) {
@@ -113,6 +117,14 @@ inline V with_sign(V v, V sign) {
 template <class V>
 inline V maximum(V a, V b) {
     return select(less(b, a), a, b);
+}
+template <class V>
+inline V minimum(V a, V b) {
+    return select(less(a, b), a, b);
+}
+template <class V>
+inline V quotient(V a, V b) {
+    return each([](Register x, Register y) { return x / y; }, a, b);
 }
 template <class V>
 inline V inverse(V v) {

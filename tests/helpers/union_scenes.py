@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from itertools import combinations_with_replacement
+from typing import Any
 
 import numpy as np
 
@@ -16,13 +17,20 @@ class UnionScene:
     """The scene, its union of vertices, and the targets behind them."""
 
     def __init__(
-        self, members: tuple[str, ...], *, projection: str = "none", nested: bool = False, most: int | None = None
+        self,
+        members: tuple[str, ...],
+        *,
+        projection: str = "none",
+        nested: bool = False,
+        most: int | None = None,
+        **options: Any,
     ) -> None:
         """members: "free" (targets), "pinned" (constants), "moved" (stored, but no target), "affine", "empty" (no
         vertices), "computed" (of constants) or "of a union" (means of free and pinned ones); any several times.
-        nested: the first two are a union of their own. most: springs are between so many of the vertices."""
+        nested: the first two are a union of their own. most: springs are between so many of the vertices. options: of
+        the scene."""
         self.random = np.random.default_rng(5)
-        self.scene = Scene("union")
+        self.scene = Scene("union", **options)
         self.targets: list[Attribute] = []
         made: list[PrimitiveBase] = [self._member(kind, f"{kind[:2]}{k}") for k, kind in enumerate(members)]
         if nested:

@@ -111,6 +111,30 @@ static inline void connected_instances(const int* indices, long arity, long lane
     }
 }
 
+// Those of what any 8 instances are connected to.
+static inline void instances_from(const int* indices, long arity, const long* own, long* of) {
+#pragma GCC unroll 8
+    for (long l = 0; l < 8; ++l) of[l] = indices[own[l] * arity];
+}
+
+// Bits of the lanes whose instance is in [begin, end); there `of` is its number from `begin` on, in other lanes that of
+// the first of these.
+static inline unsigned lanes_within(const long* own, long begin, long end, long* of) {
+    unsigned in = 0;
+    for (int l = 0; l < 8; ++l) in |= (unsigned)(own[l] >= begin && own[l] < end) << l;
+    if (in)
+        for (int l = 0; l < 8; ++l) of[l] = own[in >> l & 1 ? l : __builtin_ctz(in)] - begin;
+    return in;
+}
+
+// Copies these lanes of n numbers.
+static inline void take_lanes(unsigned in, const V* from, long n, V* to) {
+    typedef long Mask __attribute__((vector_size(64)));
+    Mask mask;
+    for (int l = 0; l < 8; ++l) mask[l] = -(long)(in >> l & 1);
+    for (long k = 0; k < n; ++k) to[k] = in == 255 ? from[k] : mask ? from[k] : to[k];
+}
+
 // The first two numbers from at[l] + k on of the instances l of a pack: pairs are loaded, and only then taken apart.
 static inline void gather_two(const double* const* at, long k, V* to) {
     typedef double Pair __attribute__((vector_size(16)));

@@ -98,10 +98,10 @@ def test_files_include_no_headers() -> None:
 
 def test_every_object_has_the_entries_it_is_wanted_for() -> None:
     program = mixed_union().compile().program
-    assert program.codes["both.v.x"].entries == ("value", "pull")
+    assert program.codes["both.v.x"].entries == ("value_lanes", "pull_lanes")
     assert program.codes["both.pp.barrier"].entries == ("batch",)
-    assert program.codes["both.pp.barrier.derivative"].entries == ("derive",)
-    assert program.codes["stiff.v.x.jacobian"].entries == ("pull",)
+    assert program.codes["both.pp.barrier.derivative"].entries == ("derive", "branches")
+    assert program.codes["stiff.v.x.jacobian"].entries == ("pull_lanes",)
     for name, code in program.codes.items():
         for entry in code.entries:
             assert program.function(name, entry) != 0

@@ -15,6 +15,10 @@ POINTS = "tests/contact/test_loose_points.py"
 MOTION = "tests/contact/test_collision_motion.py"
 KEPT = (f"{MOTION}::test_kept_candidates_find_what_ipctk_finds_anew",)
 SAFE = (f"{MOTION}::test_step_bounds_are_ipctks_and_safe", f"{GEOMETRY}::test_step_bound_stops_before_the_ground")
+MANY = "tests/runtime/collision/test_many_pairs.py"
+ALONE = (f"{MANY}::test_a_pair_is_the_same_among_others_as_alone",)
+FIRST = (f"{MANY}::test_a_step_is_bounded_by_the_first_pair_to_meet",)
+THREADS = (f"{MANY}::test_all_threads_find_the_same_to_the_last_bit",)
 LOOK = "tests/contact/test_look_ahead.py"
 AHEAD = (f"{LOOK}::test_what_meets_is_what_bounds_a_step",)
 BARRIER = "yasps/contact/barrier.py"
@@ -26,13 +30,16 @@ RUBBING = "tests/contact/test_friction_contact.py"
 STEPS = "tests/simulation/test_friction_steps.py"
 SLIDING = (f"{SLIPS}::test_static_and_kinetic_friction_against_quadrature",)
 CLOSEST = ("tests/contact/test_kinds.py::test_closest_points_and_tangent_planes",)
-CODE, PAIRS, NEAR, MAX, ENTRY, THICK = (
+CODE, PAIRS, NEAR, MAX, ENTRY, THICK, TREE, PACKS, WAYS = (
     "yasps/contact/barrier_contact.py",
     "runtime/collision/close_pairs.cpp",
     "runtime/collision/near_pairs.cpp",
     "runtime/collision/improved_max.h",
     "runtime/collision/close_entry.h",
     "runtime/collision/thickness.h",
+    "runtime/collision/collision_tree.h",
+    "runtime/collision/pair_packs.h",
+    "runtime/collision/free_ways.h",
 )
 
 MUTATIONS = (
@@ -165,7 +172,7 @@ MUTATIONS = (
     Mutation(
         "equal entries are dropped without their weight",
         PAIRS,
-        "entry.weight += other.weight;",
+        "entry.weight += entries[next].weight;",
         "entry.weight += 0;",
         POTENTIAL,
     ),
@@ -186,36 +193,36 @@ MUTATIONS = (
     Mutation(
         "pairs within half the reach only",
         NEAR,
-        "const double limit = reach * sqrt(square(line));",
-        "const double limit = 0.5 * reach * sqrt(square(line));",
+        "most_radii<kSplit>(start.radius) + constant<Eight>(reach);",
+        "most_radii<kSplit>(start.radius) + constant<Eight>(0.5 * reach);",
         KEPT,
     ),
     Mutation(
         "only where a motion ends is looked for pairs",
         NEAR,
-        "for (const Point* const x : {start, end}) {",
-        "for (const Point* const x : {end, end}) {",
+        "bits_of(along<kSplit>(line, q).is_beyond(far)) &",
+        "",
         KEPT,
     ),
     Mutation(
         "vertices without a group are one",
-        NEAR,
-        "if (a.label[left] >= 0 && a.label[left] == b.label[right]) return true;",
-        "if (a.label[left] == b.label[right]) return true;",
+        TREE,
+        "its_label < 0 ? i8{} : label == its_label;",
+        "label == its_label;",
         POTENTIAL,
     ),
     Mutation(
         "neighbours on the surface repel",
-        NEAR,
-        "if (first[i] == second[j]) return true;",
-        "if (first[i] < 0 && second[j] < 0) return true;",
+        TREE,
+        "joined |= vertices[c] == other.vertices[d][place];",
+        "joined |= vertices[c] == -1 - other.vertices[d][place];",
         POTENTIAL,
     ),
     Mutation(
         "a pair of pieces in one block is found from one side only",
         NEAR,
-        "if (is_same(task) && near[n] <= left + i) continue;",
-        "if (is_same(task) && near[n] <= left + i + 1) continue;",
+        "i8{0, 1, 2, 3, 4, 5, 6, 7} <= i;",
+        "i8{0, 1, 2, 3, 4, 5, 6, 7} <= i + 1;",
         POTENTIAL,
     ),
     Mutation(
@@ -292,7 +299,7 @@ MUTATIONS = (
     ),
     Mutation(
         "boxes are no larger by the radii",
-        "runtime/collision/collision_tree.h",
+        TREE,
         "lower -= around, upper += around;",
         "lower -= around, upper += 0 * around;",
         (THICKNESS,),
@@ -321,15 +328,15 @@ MUTATIONS = (
     Mutation(
         "points do not meet each other",
         NEAR,
-        "(!search(s.points, s.points, s.edge_edge) || !search",
-        "(!search",
+        "!edges(s.points, s.points, s.point_point) || !edges",
+        "!edges",
         (f"{POINTS}::test_pairs_of_many_points_are_all_that_are_near",),
     ),
     Mutation(
         "classes that do not meet are found",
         NEAR,
-        "if (!scene.may_meet(first[0], second[0])) return true;",
-        "if (!scene.may_meet(first[0], first[0])) return true;",
+        "if (!scene.may_meet(first[0], second[0])) return;",
+        "if (!scene.may_meet(first[0], first[0])) return;",
         ("tests/contact/test_contact_classes.py",),
     ),
     Mutation(
@@ -436,5 +443,89 @@ MUTATIONS = (
         "kept = found.offsets[sure] + KEPT",
         "kept = KEPT",
         (f"{LOOK}::test_constraints_keep_what_falls_out_of_the_others_and_half_spaces",),
+    ),
+    Mutation(
+        "pairs beyond the line of their middles are measured from the first lane on",
+        PAIRS,
+        "count += !(beyond >> l & 1);",
+        "count += !(beyond >> (l ^ 1) & 1);",
+        ALONE,
+    ),
+    Mutation(
+        "pairs are left out without their radii",
+        PAIRS,
+        "most_radii<kSplit>(pack.radius) + constant<Eight>(ask.reach);",
+        "constant<Eight>(ask.reach);",
+        (THICKNESS,),
+    ),
+    Mutation(
+        "thickness is whole for pairs that are near at rest",
+        PAIRS,
+        "apart_at_rest ? 1 : thickness.share(v, split, ask.rest);",
+        "1;",
+        (THICKNESS,),
+    ),
+    Mutation(
+        "nearly parallel edges are as good as others",
+        PACKS,
+        "closest.sure = ~bits_of(between) | bits_of(less(u_length * v_length * kSlanted, size));",
+        "closest.sure = ~0U;",
+        ("tests/runtime/collision/test_pair_distance.py::test_edges_at_every_angle",),
+    ),
+    Mutation(
+        "an end of an edge is nearest although its inside is",
+        PACKS,
+        "const auto begun = less(zero, along), ended = ~less(along, length), between = begun & ~ended;",
+        "const auto begun = less(zero, along), ended = ~less(along * 2.0, length), between = begun & ~ended;",
+        ALONE,
+    ),
+    Mutation(
+        "a vertex above a side belongs to the inside",
+        PACKS,
+        "const auto outwards = ~less(dot(normal, across[k]), zero);",
+        "const auto outwards = less(zero, dot(normal, across[k]));",
+        POTENTIAL,
+    ),
+    Mutation(
+        "what is apart at the start is free",
+        WAYS,
+        "after[c] = before[c] + dot(closest.way, move[c]);",
+        "after[c] = before[c];",
+        FIRST,
+    ),
+    Mutation(
+        "nothing of the gap is kept",
+        WAYS,
+        "(distance - least) * (1 - kApproach);",
+        "(distance - least) * 0.0;",
+        ("tests/runtime/collision/test_step_bound.py",),
+    ),
+    Mutation(
+        "touching pairs are free where they part",
+        WAYS,
+        "const auto free = apart & (",
+        "const auto free = (",
+        (f"{MANY}::test_a_pair_that_touches_is_seen_among_others",),
+    ),
+    Mutation(
+        "the first pairs bound the step",
+        "runtime/collision/step_bound.cpp",
+        "for (long begin = 0, most = kFirstRound; begin < total && *step >= 0;",
+        "for (long begin = 0, most = kFirstRound; begin < 1 && *step >= 0;",
+        FIRST,
+    ),
+    Mutation(
+        "what is found lies in the order of the threads",
+        "runtime/collision/chunks.h",
+        "spans_[chunk].place = place;",
+        "spans_[chunk].place = spans_[chunk].thread > 0 ? spans_[chunk].begin + lists_[0].count : spans_[chunk].begin;",
+        THREADS,
+    ),
+    Mutation(
+        "entries are not sorted in their buckets",
+        PAIRS,
+        "    std::sort(entries + bucket.begin, entries + bucket.end, before);",
+        "",
+        (f"{GEOMETRY}::test_rows_are_sorted_unique_and_independent_of_triangle_order",),
     ),
 )

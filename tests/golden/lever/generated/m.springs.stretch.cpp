@@ -2,7 +2,7 @@
 
 // backend/cpp/preludes/kernel.h stands here
 
-extern "C" void yasps<m.tips.x>_value(Arguments a, long i, double* out);
+extern "C" void yasps<m.tips.x>_value_lanes(Arguments a, const long* own, V* out);
 static inline void value_pack(const V* x0, V* __restrict y0) {
     const V t4 = x0[0] - x0[2];
     const V t5 = x0[1] - x0[3];
@@ -21,15 +21,9 @@ extern "C" void yasps<m.springs.stretch>_batch(Arguments a, long begin, long end
         V r0[4];
         long of[8];
         const double* at[8];
-        for (long l = 0; l < 8; ++l) {
-            const long i = first + (l < lanes ? l : lanes - 1);
-            double one[4];
-            for (long s = 0; s < 2; ++s) {
-                const long j = p0[i * 2 + s];
-                yasps<m.tips.x>_value(p1, j, (one + s * 2));
-            }
-            for (long e = 0; e < 4; ++e) r0[e][l] = one[e];
-            (void)i;
+        for (long s = 0; s < 2; ++s) {
+            connected_instances(p0 + first * 2 + s, 2, lanes, of);
+            yasps<m.tips.x>_value_lanes(p1, of, r0 + s * 2);
         }
         (void)of, (void)at;
         V y[1];

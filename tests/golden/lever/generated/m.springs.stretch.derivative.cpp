@@ -8,7 +8,7 @@
 
 // backend/codegen/preludes/expand.h stands here
 
-extern "C" void yasps<m.tips.x>_value(Arguments a, long i, double* out);
+extern "C" void yasps<m.tips.x>_value_lanes(Arguments a, const long* own, V* out);
 extern "C" long yasps<m.tips.x.jacobian>_pull(Arguments a, long i, const V* b, long n, V* out);
 extern "C" void yasps<m.tips.x.jacobian>_curve(Arguments a, long i, const double* v, double* packed, long step, long width, const int* to);
 static inline void derive_pack(const V* x0, V* __restrict y0, V* __restrict y1, V* __restrict y2) {
@@ -47,15 +47,9 @@ extern "C" long yasps<m.springs.stretch.derivative>_derive(Arguments a, long beg
         V r0[4];
         long of[8];
         const double* at[8];
-        for (long l = 0; l < 8; ++l) {
-            const long i = first + (l < lanes ? l : lanes - 1);
-            double one[4];
-            for (long s = 0; s < 2; ++s) {
-                const long j = p0[i * 2 + s];
-                yasps<m.tips.x>_value(p1, j, (one + s * 2));
-            }
-            for (long e = 0; e < 4; ++e) r0[e][l] = one[e];
-            (void)i;
+        for (long s = 0; s < 2; ++s) {
+            connected_instances(p0 + first * 2 + s, 2, lanes, of);
+            yasps<m.tips.x>_value_lanes(p1, of, r0 + s * 2);
         }
         (void)of, (void)at;
         V energy[1], gradient[4];

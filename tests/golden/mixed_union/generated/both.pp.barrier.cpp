@@ -21,7 +21,7 @@ static inline V v_log(V a) {
 }
 #endif
 
-extern "C" void yasps<both.v.x>_value(Arguments a, long i, double* out);
+extern "C" void yasps<both.v.x>_value_lanes(Arguments a, const long* own, V* out);
 static inline void value_uniforms_one(const double* x0, double* __restrict y0) {
     const double t3 = 1.0 / x0[0];
     y0[1] = t3;
@@ -59,15 +59,9 @@ extern "C" void yasps<both.pp.barrier>_batch(Arguments a, long begin, long end, 
         V r0[6];
         long of[8];
         const double* at[8];
-        for (long l = 0; l < 8; ++l) {
-            const long i = first + (l < lanes ? l : lanes - 1);
-            double one[6];
-            for (long s = 0; s < 2; ++s) {
-                const long j = p1[i * 2 + s];
-                yasps<both.v.x>_value(p2, j, (one + s * 3));
-            }
-            for (long e = 0; e < 6; ++e) r0[e][l] = one[e];
-            (void)i;
+        for (long s = 0; s < 2; ++s) {
+            connected_instances(p1 + first * 2 + s, 2, lanes, of);
+            yasps<both.v.x>_value_lanes(p2, of, r0 + s * 3);
         }
         (void)of, (void)at;
         V y[1];

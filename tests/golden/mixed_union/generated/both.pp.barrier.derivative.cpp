@@ -2,9 +2,9 @@
 
 // backend/cpp/preludes/kernel.h stands here
 
-// backend/cpp/preludes/expand.h stands here
+// backend/cpp/preludes/scatter.h stands here
 
-// backend/codegen/preludes/expand.h stands here
+// backend/cpp/preludes/lanes.h stands here
 
 #if defined(__AVX512F__)
 extern "C" V _ZGVeN8v_log(V a);
@@ -25,8 +25,8 @@ static inline V v_log(V a) {
 }
 #endif
 
-extern "C" long yasps<both.v.x>_pull(Arguments a, long i, const V* b, long n, V* out);
-extern "C" void yasps<both.v.x>_value(Arguments a, long i, double* out);
+extern "C" long yasps<both.v.x>_pull_lanes(Arguments a, const long* own, const V* b, long n, V* out, int* sizes);
+extern "C" void yasps<both.v.x>_value_lanes(Arguments a, const long* own, V* out);
 static inline void pull_back_pack(const V* x0, V* __restrict y0) {
     const V t6 = -x0[0];
     y0[3] = t6;
@@ -144,13 +144,30 @@ static inline void derive_pack(const V* x0, const V* x1, V* __restrict y0, V* __
 
 extern "C" long yasps<both.pp.barrier.derivative>_derive(Arguments a, long begin, long end, const yasps_sink* results) {
     const int* const p0 = (const int*)a[0];
-    Arguments const p1 = (Arguments)a[1];
+    const long* const p1 = (const long*)a[1];
     const double* const p2 = (const double*)a[2];
+    Arguments const p3 = (Arguments)a[3];
     const yasps_sink& sink = *results;
     double u0_one[2];
     derive_uniforms_one(p2, u0_one);
     V u0[2];
     for (long e = 0; e < 2; ++e) u0[e] = splat(u0_one[e]);
+    LaneSlot slots[2] = {};
+    for (long k = 0; k < 2; ++k) {
+        LaneSlot& slot = slots[0 + k];
+        slot.pull = yasps<both.v.x>_pull_lanes;
+        slot.arguments = p3;
+        slot.size = 3;
+        slot.entry = 0 + k * 3;
+        slot.leaf = 0 + k * 2;
+    }
+    V room_rows[18];
+    V room_left[108];
+    V room_right[72];
+    V room_both[288];
+    V room_block[162];
+    int room_sizes[4];
+    const LaneRoom room = {room_rows, room_left, room_right, room_both, room_block, room_sizes};
     V middle_of[16][6];
     const long most = sink.mode == 2 ? 8 : 128;
     for (long start = begin; start < end; start += most) {
@@ -160,15 +177,9 @@ extern "C" long yasps<both.pp.barrier.derivative>_derive(Arguments a, long begin
             V r0[6];
             long of[8];
             const double* at[8];
-            for (long l = 0; l < 8; ++l) {
-                const long i = first + (l < lanes ? l : lanes - 1);
-                double one[6];
-                for (long s = 0; s < 2; ++s) {
-                    const long j = p0[i * 2 + s];
-                    yasps<both.v.x>_value(p1, j, (one + s * 3));
-                }
-                for (long e = 0; e < 6; ++e) r0[e][l] = one[e];
-                (void)i;
+            for (long s = 0; s < 2; ++s) {
+                connected_instances(p0 + first * 2 + s, 2, lanes, of);
+                yasps<both.v.x>_value_lanes(p3, of, r0 + s * 3);
             }
             (void)of, (void)at;
             V energy[1], gradient[6];
@@ -178,17 +189,16 @@ extern "C" long yasps<both.pp.barrier.derivative>_derive(Arguments a, long begin
             if (any_not_finite(check))
                 for (long l = 0; l < lanes; ++l)
                     if (check[l] != 0.0) return first + l;
-            for (long l = 0; l < lanes; ++l) {
-                const long i = first + l;
-                const int* const kappa = sink.kappa + i * 4;
-                for (long k = 0; k < 2; ++k) {
-                    V rows[12];
-                    V b[3];  // one column; the others are not looked at
-                    for (long e = 0; e < 3; ++e) b[e] = splat(gradient[k * 3 + e][l]);
-                    yasps<both.v.x>_pull(p1, (long)p0[i * 2 + k], b, 1, rows);
-                    add_gradient_rows(sink, kappa, i, 4, k * 2, 2 + k * 2, rows);
-                }
-                (void)i;
+            for (long k = 0; k < 2; ++k) {
+                LaneSlot& slot = slots[k];
+                connected_instances(p0 + first * 2 + 0 + k, 2, lanes, slot.of);
+                for (long l = 0; l < 8; ++l) slot.branch[l] = (slot.of[l] < p1[1] ? 0 : slot.of[l] < p1[2] ? 1 : 0);
+            }
+            for (unsigned left = (1u << lanes) - 1; left;) {
+                LaneSlot taken[2];
+                const unsigned same = take_branches(slots, 2, left, taken);
+                left &= ~same;
+                add_gradient_of_lanes(sink, taken, 2, sink.kappa + first * 4, 4, same, gradient, room.both, room.sizes);
             }
         }
         if (!sink.tiles) continue;
@@ -201,56 +211,47 @@ extern "C" long yasps<both.pp.barrier.derivative>_derive(Arguments a, long begin
             V* const middle = middle_of[pack];
             V hessian[21];
             pull_back_pack(middle, hessian);
-            V by_lane[24];
-            lane_by_lane(hessian, 21, by_lane, 3);
-            for (long l = 0; l < lanes; ++l) {
-                const long i = first + l;
-                const int* const kappa = sink.kappa + i * 4;
-                const long* const position = sink.position + i * 10;
-                const double* const triangle = (const double*)(by_lane + l * 3);
-                V rows0[3];
-                V left0[12];
-                copy_rows_of_triangle(triangle, 6, 0, 3, (double*)rows0, 8);
-                const long height0 = yasps<both.v.x>_pull(p1, (long)p0[i * 2 + 0], rows0, 1, left0);
-                V rows1[3];
-                V left1[12];
-                copy_rows_of_triangle(triangle, 6, 3, 3, (double*)rows1, 8);
-                const long height1 = yasps<both.v.x>_pull(p1, (long)p0[i * 2 + 1], rows1, 1, left1);
-                {
-                    V right[6];
-                    V both[24];
-                    const long breadth = (height0 + 7) / 8, across = 8 * breadth;
-                    for (long r = 0; breadth && r < 3; ++r) right[(r + 1) * breadth - 1] = splat(0.0);
-                    long column = 0;
-                    copy_transposed((const double*)left0 + 0, 8, height0, 3, (double*)right + column, across);
-                    column += height0;
-                    const long height = yasps<both.v.x>_pull(p1, (long)p0[i * 2 + 0], right, breadth, both);
-                    const double* block = (const double*)both;
-                    add_expanded(sink, kappa, position, 4, 0, 2, 0, 2, block, across);
-                    block += height0;
-                    (void)column, (void)block, (void)height;
+            for (long k = 0; k < 2; ++k) {
+                LaneSlot& slot = slots[k];
+                connected_instances(p0 + first * 2 + 0 + k, 2, lanes, slot.of);
+                for (long l = 0; l < 8; ++l) slot.branch[l] = (slot.of[l] < p1[1] ? 0 : slot.of[l] < p1[2] ? 1 : 0);
+            }
+            for (unsigned left = (1u << lanes) - 1; left;) {
+                LaneSlot taken[2];
+                const unsigned same = take_branches(slots, 2, left, taken);
+                left &= ~same;
+                if (same == (1u << lanes) - 1 && all_direct(taken, 2)) {
+                    {
+                        static const short entry[] = {0, 1, 2, 1, 6, 7, 2, 7, 11, 3, 4, 5, 8, 9, 10, 12, 13, 14, 15, 16, 17, 16, 18, 19, 17, 19, 20};
+                        static const short place[] = {0, 2, 7};
+                        const long* const position = sink.position + first * 10;
+                        add_packs_3x3(sink, position, 10, lanes, hessian, entry, place, 3);
+                    }
                 }
-                {
-                    V right[9];
-                    V both[36];
-                    const long breadth = (height0 + height1 + 7) / 8, across = 8 * breadth;
-                    for (long r = 0; breadth && r < 3; ++r) right[(r + 1) * breadth - 1] = splat(0.0);
-                    long column = 0;
-                    copy_transposed((const double*)left0 + 3, 8, height0, 3, (double*)right + column, across);
-                    column += height0;
-                    copy_transposed((const double*)left1 + 0, 8, height1, 3, (double*)right + column, across);
-                    column += height1;
-                    const long height = yasps<both.v.x>_pull(p1, (long)p0[i * 2 + 1], right, breadth, both);
-                    const double* block = (const double*)both;
-                    add_expanded(sink, kappa, position, 4, 0, 2, 2, 4, block, across);
-                    block += height0;
-                    add_expanded(sink, kappa, position, 4, 2, 4, 2, 4, block, across);
-                    block += height1;
-                    (void)column, (void)block, (void)height;
+                else {
+                    add_hessian_of_lanes(sink, taken, 2, sink.position + first * 10, 4, same, hessian, 6, room);
                 }
-                (void)i;
             }
         }
     }
     return -1;
+}
+
+extern "C" void yasps<both.pp.barrier.derivative>_branches(Arguments a, long begin, long end, long* out) {
+    const int* const p0 = (const int*)a[0];
+    const long* const p1 = (const long*)a[1];
+    const double* const p2 = (const double*)a[2];
+    Arguments const p3 = (Arguments)a[3];
+    for (long i = begin; i < end; ++i) {
+        unsigned long number = 0;
+        {
+            const long j = (long)p0[i * 2 + 0];
+            number = number * 2 + (j < p1[1] ? 0 : j < p1[2] ? 1 : 0);
+        }
+        {
+            const long j = (long)p0[i * 2 + 1];
+            number = number * 2 + (j < p1[1] ? 0 : j < p1[2] ? 1 : 0);
+        }
+        out[i - begin] = (long)number;
+    }
 }

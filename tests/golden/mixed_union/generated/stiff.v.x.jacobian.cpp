@@ -26,34 +26,40 @@ static inline void pull_back_pack(const V* x0, const V* x1, V* __restrict y0) {
     y0[2] = x1[2];
 }
 
-extern "C" long yasps<stiff.v.x.jacobian>_pull(Arguments a, long i, const V* b, long n, V* out) {
+extern "C" long yasps<stiff.v.x.jacobian>_pull_lanes(Arguments a, const long* own, const V* b, long n, V* out, int* sizes) {
     const int* const p0 = (const int*)a[0];
     const double* const p1 = (const double*)a[1];
     const double* const p2 = (const double*)a[2];
     const double* const p3 = (const double*)a[3];
-    double r0[3];
-    double r1[3];
-    double r2[9];
+    V r0[3];
+    V r1[3];
+    V r2[9];
+    long of[8];
+    const double* at[8];
     for (long s = 0; s < 1; ++s) {
-        const long j = p0[i * 1 + s];
-        for (long e = 0; e < 3; ++e) (r0 + s * 3)[e] = p1[j * 3 + e];
+        instances_from(p0 + s, 1, own, of);
+        #pragma GCC unroll 8
+        for (long l = 0; l < 8; ++l) at[l] = p1 + of[l] * 3;
+        gather(at, 3, r0 + s * 3);
     }
-    for (long e = 0; e < 3; ++e) r1[e] = p2[i * 3 + e];
+    for (long l = 0; l < 8; ++l) of[l] = own[l];
+    #pragma GCC unroll 8
+    for (long l = 0; l < 8; ++l) at[l] = p2 + of[l] * 3;
+    gather(at, 3, r1);
     for (long s = 0; s < 1; ++s) {
-        const long j = p0[i * 1 + s];
-        for (long e = 0; e < 9; ++e) (r2 + s * 9)[e] = p3[j * 9 + e];
+        instances_from(p0 + s, 1, own, of);
+        #pragma GCC unroll 8
+        for (long l = 0; l < 8; ++l) at[l] = p3 + of[l] * 9;
+        gather(at, 9, r2 + s * 9);
     }
-    V r0_pack[3];
-    for (long e = 0; e < 3; ++e) r0_pack[e] = splat(r0[e]);
-    V r1_pack[3];
-    for (long e = 0; e < 3; ++e) r1_pack[e] = splat(r1[e]);
-    V r2_pack[9];
-    for (long e = 0; e < 9; ++e) r2_pack[e] = splat(r2[e]);
+    (void)of, (void)at, (void)own;
     V v[3], x[12];
     for (long c = 0; c < n; ++c) {
         for (long k = 0; k < 3; ++k) v[k] = b[k * n + c];
-        pull_back_pack(r1_pack, v, x);
+        pull_back_pack(r1, v, x);
         for (long k = 0; k < 12; ++k) out[k * n + c] = x[k];
     }
-    return 12;
+    sizes[0] = 3;
+    sizes[1] = 9;
+    return 2;
 }
