@@ -1,10 +1,10 @@
 // Projection of the Hessians of isotropic energies of two vectors onto the positive semidefinite cone.
 //
 // If an energy of vectors a_0 and a_1 of space does not change when a rotation turns both, then a reflection in a plane
-// that both lie in leaves it alone too: it turns any two vectors as a rotation does. So the Hessian does not couple what
-// moves a_0 and a_1 along the plane's normal n with what moves them in the plane. With an orthonormal basis q_0, q_1 of
-// the plane it falls into a 2x2 matrix N, N_cd = n^T H_cd n, and a 4x4 matrix P of the q_i^T H_cd q_j, H_cd being its
-// 3x3 blocks. Their eigenvalues cost half of those of the 6x6 matrix.
+// that both lie in leaves it alone too: it turns any two vectors as a rotation does. So the Hessian does not couple
+// what moves a_0 and a_1 along the plane's normal n with what moves them in the plane. With an orthonormal basis q_0,
+// q_1 of the plane it falls into a 2x2 matrix N, N_cd = n^T H_cd n, and a 4x4 matrix P of the q_i^T H_cd q_j, H_cd
+// being its 3x3 blocks. Their eigenvalues cost half of those of the 6x6 matrix.
 #include "core/runtime.h"
 #include "projection/cone.h"
 #include "projection/groups.h"
@@ -194,10 +194,10 @@ long project(double* packed, const double* vectors, long lanes, Mode mode) {
 
 extern "C" {
 
-// As yasps_project for a width of 6, for Hessians with respect to two vectors of space, one after the other, of an energy
-// that rotations of both leave alone. vectors[k * 8 + lane] is entry k of the vectors; packs follow each other as those
-// of `packed` do. The result is that of yasps_project up to rounding, and so is what is returned. A matrix whose vectors
-// are not finite is projected without them.
+// As yasps_project for a width of 6, for Hessians with respect to two vectors of space, one after the other, of an
+// energy that rotations of both leave alone. vectors[k * 8 + lane] is entry k of the vectors; packs follow each other
+// as those of `packed` do. The result is that of yasps_project up to rounding, and so is what is returned. A matrix
+// whose vectors are not finite is projected without them.
 long yasps_project_two_vectors(double* packed, const double* vectors, int width, int lanes, int mode) {
     using namespace yasps;
     if (width != kWidth) return yasps_project(packed, width, lanes, mode);
