@@ -37,7 +37,7 @@ struct Scratch {
 
 static inline V splat(double x) { return V{x, x, x, x, x, x, x, x}; }
 
-// Of whole packs: compiled lane by lane, halves of the result would go through memory, and reading it waits for both.
+// Of whole packs: compiled lane by lane, halves of the result would go through memory, and reading it waits for them.
 static inline V v_sqrt(V a) {
 #if defined(__AVX512F__) && !defined(__clang__)
     return __builtin_ia32_sqrtpd512_mask(a, a, (unsigned char)255, 4);  // 4: rounded as ever
