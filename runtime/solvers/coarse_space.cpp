@@ -33,9 +33,8 @@ void add(double* to, long stride, const double* block, int r, int c, bool turned
         }
 }
 
-// Adds P^T A P for those rows of the coarse matrix that are this thread's; the lower triangle.
-void add_part(CoarseSpace& c, const Structure& s, const double* values, const Aggregates& aggregates) {
-    const int thread = omp_get_thread_num(), threads = omp_get_num_threads();
+// Adds P^T A P for the rows of these aggregates; the lower triangle.
+void add_part(CoarseSpace& c, const Structure& s, const double* values, const Aggregates& aggregates, Range own) {
     const int absent = static_cast<int>(c.length);
     for (int g = 0; g < s.group_count; ++g) {
         const Group& group = s.groups[g];
@@ -43,7 +42,8 @@ void add_part(CoarseSpace& c, const Structure& s, const double* values, const Ag
         for (long k = group.first_block; k < group.first_block + group.count; ++k, block += group.rows * group.cols) {
             const int row = s.row[k], col = s.col[k];
             const int above = aggregates.of[row], beside = aggregates.of[col];
-            if ((above > beside ? above : beside) % threads != thread) continue;
+            const int below = above > beside ? above : beside;
+            if (below < own.begin || below >= own.end) continue;
             if (c.place[row] == absent || c.place[col] == absent) continue;
             const int i = aggregates.first[above], j = aggregates.first[beside];
             double* const lower = &c.matrix[i >= j ? i * c.stride + j : j * c.stride + i];
@@ -66,13 +66,19 @@ Reason invert_pivot(const CoarseSpace& c, long first, int size, double (&inverse
     return kConverged;
 }
 
-// row[0 .. length) -= sum over k of by[k] * panel row k.
-void eliminate(double* row, long length, const double* panel, long stride, const double* by) {
+// row[0 .. length) -= sum over k of by[k] * panel row k, for two rows that share what is read of the panel.
+void eliminate(double* row, double* other, long length, const double* panel, long stride, const double* by,
+               const double* other_by) {
     for (long j = 0; j < length; j += 8) {
-        d8 entries = load8(row + j);
+        d8 entries = load8(row + j), others = load8(other + j);
 #pragma GCC unroll 8
-        for (int k = 0; k < kPanel; ++k) entries -= by[k] * load8(panel + k * stride + j);
+        for (int k = 0; k < kPanel; ++k) {
+            const d8 column = load8(panel + k * stride + j);
+            entries -= by[k] * column;
+            others -= other_by[k] * column;
+        }
         store8(row + j, entries);
+        store8(other + j, others);
     }
 }
 
@@ -95,14 +101,27 @@ bool invert_lower(CoarseSpace& c) {
             }
         }
 #pragma omp barrier
-        for (long i = thread; i < n; i += threads) {
-            if (i >= first && i < first + size) continue;
-            double by[kPanel] = {};
-            for (int k = 0; k < size; ++k)
-                for (int l = 0; l < size; ++l) by[k] += c.panel[l * c.stride + i] * inverse[l * kPanel + k];
-            double* const row = &c.matrix[i * c.stride];
-            eliminate(row, i + 1, c.panel.data, c.stride, by);
-            for (int k = 0; k < size; ++k) (i > first ? row[first + k] : c.matrix[(first + k) * c.stride + i]) = by[k];
+        // Rows by twos, and what lies right of the diagonal means nothing yet; a row of the pivots, or behind the last,
+        // has a place of its own for it.
+        double* const idle = &c.idle[thread * c.stride];
+        for (long pair = 2 * thread; pair < n; pair += 2 * threads) {
+            double by[2][kPanel] = {};
+            double* rows[2] = {idle, idle};
+            for (int r = 0; r < 2; ++r) {
+                const long i = pair + r;
+                if (i >= n || (i >= first && i < first + size)) continue;
+                rows[r] = &c.matrix[i * c.stride];
+                for (int k = 0; k < size; ++k)
+                    for (int l = 0; l < size; ++l) by[r][k] += c.panel[l * c.stride + i] * inverse[l * kPanel + k];
+            }
+            if (rows[0] == rows[1]) continue;
+            eliminate(rows[0], rows[1], pair + 2, c.panel.data, c.stride, by[0], by[1]);
+            for (int r = 0; r < 2; ++r) {
+                if (rows[r] == idle) continue;
+                const long i = pair + r;
+                for (int k = 0; k < size; ++k)
+                    (i > first ? rows[r][first + k] : c.matrix[(first + k) * c.stride + i]) = by[r][k];
+            }
         }
         if (thread == 0)
             for (int k = 0; k < size; ++k)
@@ -122,8 +141,9 @@ bool reserve_coarse_space(CoarseSpace& c, const Structure& structure, long piece
     c.stride = (c.unknowns + 7) / 8 * 8;
     c.restricted_length = c.length + idle;
     return c.place.reserve(structure.layout.blocks) && c.matrix.reserve(c.unknowns * c.stride) &&
-           c.panel.reserve(kPanel * c.stride) && c.restricted.reserve(kCopies * pieces * c.restricted_length) &&
-           c.residual.reserve(threads * c.stride) && c.solution.reserve(c.restricted_length);
+           c.panel.reserve(kPanel * c.stride) && c.idle.reserve(threads * c.stride) &&
+           c.restricted.reserve(kCopies * pieces * c.restricted_length) && c.residual.reserve(threads * c.stride) &&
+           c.solution.reserve(c.restricted_length);
 }
 
 void place_blocks(CoarseSpace& c, const Structure& structure, const double* inverse, Range blocks) {
@@ -143,14 +163,13 @@ void place_blocks(CoarseSpace& c, const Structure& structure, const double* inve
 bool make_coarse_matrix(CoarseSpace& c, const Parts& parts) {
     const Aggregates& aggregates = parts.structures[0]->aggregates;
     const int thread = omp_get_thread_num(), threads = omp_get_num_threads();
-    for (int k = thread; k < aggregates.count; k += threads)
-        for (int i = aggregates.first[k]; i < aggregates.first[k + 1]; ++i)
-            for (long j = 0; j < c.stride; ++j) c.matrix[i * c.stride + j] = 0;
-    for (int p = 0; p < parts.count; ++p) add_part(c, *parts.structures[p], parts.values[p], aggregates);
+    const Range own = piece(aggregates.count, thread, threads);
+    const Range rows = {aggregates.first[own.begin], aggregates.first[own.end]};
+    for (long i = rows.begin * c.stride; i < rows.end * c.stride; ++i) c.matrix[i] = 0;
+    for (int p = 0; p < parts.count; ++p) add_part(c, *parts.structures[p], parts.values[p], aggregates, own);
     // Of an aggregate whose blocks are all fixed nothing is left.
-    for (int k = thread; k < aggregates.count; k += threads)
-        for (int i = aggregates.first[k]; i < aggregates.first[k + 1]; ++i)
-            if (c.matrix[i * c.stride + i] == 0) c.matrix[i * c.stride + i] = 1;
+    for (long i = rows.begin; i < rows.end; ++i)
+        if (c.matrix[i * c.stride + i] == 0) c.matrix[i * c.stride + i] = 1;
     if (thread == 0)
         for (long i = 0; i < c.restricted_length; ++i) c.solution[i] = 0;
 #pragma omp barrier

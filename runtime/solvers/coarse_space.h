@@ -22,6 +22,7 @@ struct CoarseSpace {
     Buffer<int> place;           // [blocks]: where a block's aggregate begins in padded vectors, or `length`
     Buffer<double> matrix;       // [unknowns, stride]: P^T H P, and then minus its inverse
     Buffer<double> panel;        // columns that are being eliminated, as rows
+    Buffer<double> idle;         // [threads, stride]: where rows without a meaning go
     Buffer<double> restricted;   // [pieces, kCopies, restricted_length]: P^T r of each piece, as sum of copies
     Buffer<double> residual;     // [threads, stride]: their sum, for each thread
     Buffer<double> solution;     // padded, zero behind `length`
