@@ -286,7 +286,7 @@ class Scene(SceneNames, Entity):
         *,
         solver: str = "pcg",
         projection: str = "always",
-        preconditioner: str = "auto",
+        preconditioner: str = "jacobi",
         fixed: Mapping[Attribute, ArrayLike] | None = None,
     ) -> list[FloatArray]:
         """x of H x = g, one flat array for each target (paper, 4.8); the Newton step is the *negative*: -x.
@@ -328,7 +328,7 @@ class Scene(SceneNames, Entity):
         solver: str = "pcg",
         projection: str = "always",
         history: bool = False,
-        preconditioner: str = "auto",
+        preconditioner: str = "jacobi",
         fixed: Mapping[Attribute, ArrayLike] | None = None,
     ) -> Solution:
         """As `minimize_energy`, with gradient and solver's report, and without raising when it did not converge.

@@ -66,7 +66,7 @@ def solve_options(
     solver: str = "pcg",
     projection: str = "always",
     history: bool = False,
-    preconditioner: str = "auto",
+    preconditioner: str = "jacobi",
 ) -> SolveOptions:
     """What a user asks for. Raises DataError for what can't limit a solver and for names that don't exist."""
     try:

@@ -36,7 +36,7 @@ class SolveOptions:
     solver: str = "pcg"
     projection: str = "always"
     history: bool = False
-    preconditioner: str = "auto"
+    preconditioner: str = "jacobi"
 
     def __post_init__(self) -> None:
         """Checks the options, for all that take them."""
