@@ -205,7 +205,8 @@ def test_auto_takes_it_where_block_jacobi_is_slow(runtime: Runtime, monkeypatch:
 
 def test_auto_leaves_small_systems_alone(runtime: Runtime) -> None:
     parts = nets(runtime)
-    assert not PcgSolver(runtime).solve(parts, np.ones(parts[0].size), SolveOptions(1e-20, preconditioner="auto"))[1].two_level
+    options = SolveOptions(1e-20, preconditioner="auto")
+    assert not PcgSolver(runtime).solve(parts, np.ones(parts[0].size), options)[1].two_level
 
 
 def test_aggregates_follow_the_structure(runtime: Runtime) -> None:
