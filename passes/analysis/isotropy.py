@@ -59,26 +59,21 @@ Known = Spaces | AnySpace
 """None stands for a matrix that rotations change in an unknown way."""
 
 
-def depends_on_invariants(block: Block, energy: SSAValue, deformation: SSAValue, active: Sequence[SSAValue]) -> bool:
-    """Is the 1x1 value `energy` isotropic in the matrix `deformation`, all through which it sees the `active` values?
+def depends_on_invariants(block: Block, energy: SSAValue, cut: Sequence[SSAValue], active: Sequence[SSAValue]) -> bool:
+    """Do rotations leave the 1x1 value `energy` alone, which sees the `active` values through those of `cut`?
 
-    deformation: 3x3, 3x2, or a vector that the block reshapes to one of these, row by row. True is proven; False may
-    mean that no rule knows an operation. What is held constant for differentiation counts as constant, and each side
-    of a choice on its own: the proof is about first and second derivatives.
+    cut: a matrix, 3x3, 3x2, or a vector that the block reshapes to one of these, row by row, turned from both sides; or
+    vectors of space, 3x1 or 1x3, that are all turned alike. True is proven; False may mean that no rule knows an
+    operation. What is held constant for differentiation counts as constant, and each side of a choice on its own: the
+    proof is about first and second derivatives.
     """
-    return _known_spaces(block, energy, [deformation], active).get(energy) == FIXED
-
-
-def depends_on_angles(block: Block, energy: SSAValue, vectors: Sequence[SSAValue], active: Sequence[SSAValue]) -> bool:
-    """Do rotations of space that turn all of these vectors, 3x1 or 1x3, leave the 1x1 value `energy` alone, which sees
-    the `active` values through them? As `depends_on_invariants`."""
-    return _known_spaces(block, energy, vectors, active).get(energy) == FIXED
+    return _known_spaces(block, energy, cut, active).get(energy) == FIXED
 
 
 def obstacle(block: Block, energy: SSAValue, cut: Sequence[SSAValue], active: Sequence[SSAValue]) -> MatOp | None:
-    """The operation that stops the proof of `depends_on_invariants`, or of `depends_on_angles`, in the values of `cut`:
-    the first whose operands are known, but not what rotations do to its result. None where there is no such operation,
-    as where the proof succeeds."""
+    """The operation that stops the proof of `depends_on_invariants` in the values of `cut`: the first whose operands are
+    known, but not what rotations do to its result. None where there is no such operation, as where the proof succeeds.
+    """
     known = _known_spaces(block, energy, cut, active)
     for op in block.ops:
         stops = isinstance(op, MatOp) and op.operands and op.result in known and known[op.result] is None
@@ -116,7 +111,7 @@ def _is_reshaped(op: object, deformation: SSAValue) -> bool:
 
 
 def are_two_vectors(values: Sequence[SSAValue]) -> bool:
-    """Can `depends_on_angles` be asked about these values?"""
+    """Are these values two vectors of space?"""
     return len(values) == 2 and all(shape_of(value) in VECTORS for value in values)
 
 

@@ -21,7 +21,7 @@ from yasps.dialects.mat.builder import MatBuilder
 from yasps.dialects.mat.calculus import ISOTROPIC_WIDTHS, ProjectPsdOp
 from yasps.dialects.rel import DerivativeOp, YieldDerivativeOp, name_of
 from yasps.passes.analysis.dependence import size_of
-from yasps.passes.analysis.isotropy import are_two_vectors, depends_on_angles, depends_on_invariants, is_deformation
+from yasps.passes.analysis.isotropy import are_two_vectors, depends_on_invariants, is_deformation
 from yasps.passes.bodies import containers
 from yasps.passes.errors import working_on
 
@@ -50,19 +50,20 @@ def _prove(derivative: DerivativeOp) -> None:
     width, cut = shape_of(projection.result)[0], list(terminator.cut)
     if sum(size_of(value) for value in cut) != width:
         return
-    if width in ISOTROPIC_WIDTHS and len(cut) == 1 and is_deformation(block, cut[0]):
-        if not depends_on_invariants(block, terminator.energy, cut[0], terminator.wrt):
-            return
+    is_matrix = width in ISOTROPIC_WIDTHS and len(cut) == 1 and is_deformation(block, cut[0])
+    if not is_matrix and not are_two_vectors(cut):
+        return
+    if not depends_on_invariants(block, terminator.energy, cut, terminator.wrt):
+        return
+    if is_matrix:
         seen, shape = cut[0], "3x3" if width == 9 else "3x2"
         why = f"by singular values: isotropic in this {shape} matrix"
-    elif are_two_vectors(cut) and depends_on_angles(block, terminator.energy, cut, terminator.wrt):
+    else:
         b = MatBuilder(Block())
         seen = b.concat_rows([b.reshape(value, (1, 3)) for value in cut])
         for op in list(b.body.ops):
             block.insert_op_before(b.body.detach_op(op), projection)
         why = "in the plane of two vectors and across it: isotropic in them"
-    else:
-        return
     matrix = cast(Matrix, projection.result.type)
     told = ProjectPsdOp([projection.operands[0], seen], matrix, dict(projection.properties))
     block.insert_op_before(told, projection)

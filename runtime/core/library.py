@@ -11,6 +11,7 @@ from __future__ import annotations
 import ctypes
 import os
 import re
+from collections.abc import Mapping
 from dataclasses import dataclass
 from enum import IntEnum
 from pathlib import Path
@@ -232,14 +233,7 @@ class Runtime(Uncopied):
         deformation: float64 [packs, w, 8], C-contiguous: F, row by row, 3x3 for w = 9 and 3x2 for w = 6. Raises
         ValueError for a wrong shape.
         """
-        width = _width_of(packed, lanes)
-        if width not in (6, 9) or deformation.shape != (len(packed), width, LANES):
-            raise ValueError(
-                f"deformation has shape {deformation.shape}, packed {packed.shape}; needed are (packs, w, {LANES}) and "
-                f"(packs, w (w + 1) / 2, {LANES}) with w = 9 (3x3) or 6 (3x2)"
-            )
-        if deformation.dtype != np.float64 or not deformation.flags.c_contiguous:
-            raise ValueError("deformation must be a C-contiguous float64 array")
+        width = _width_beside(packed, lanes, "deformation", deformation, {9: "3x3", 6: "3x2"})
         return int(
             self.library.yasps_project_isotropic(packed.ctypes.data, deformation.ctypes.data, width, lanes, int(mode))
         )
@@ -252,17 +246,24 @@ class Runtime(Uncopied):
 
         vectors: float64 [packs, 6, 8], C-contiguous: one vector after the other. Raises ValueError for a wrong shape.
         """
-        width = _width_of(packed, lanes)
-        if width != 6 or vectors.shape != (len(packed), 6, LANES):
-            raise ValueError(
-                f"vectors have shape {vectors.shape}, packed {packed.shape}; needed are (packs, 6, {LANES}) and "
-                f"(packs, 21, {LANES})"
-            )
-        if vectors.dtype != np.float64 or not vectors.flags.c_contiguous:
-            raise ValueError("vectors must be a C-contiguous float64 array")
+        width = _width_beside(packed, lanes, "vectors", vectors, {6: "two vectors"})
         return int(
             self.library.yasps_project_two_vectors(packed.ctypes.data, vectors.ctypes.data, width, lanes, int(mode))
         )
+
+
+def _width_beside(packed: FloatArray, lanes: int, name: str, beside: FloatArray, of_widths: Mapping[int, str]) -> int:
+    """The same, one of `of_widths`, where the array `name` has as many numbers for each matrix; ValueError unless."""
+    width = _width_of(packed, lanes)
+    if width not in of_widths or beside.shape != (len(packed), width, LANES):
+        widths = " or ".join(f"{w} ({what})" for w, what in of_widths.items())
+        raise ValueError(
+            f"{name} of shape {beside.shape} beside packed of shape {packed.shape}; needed are (packs, w, {LANES}) and "
+            f"(packs, w (w + 1) / 2, {LANES}) with w = {widths}"
+        )
+    if beside.dtype != np.float64 or not beside.flags.c_contiguous:
+        raise ValueError(f"{name} must be a C-contiguous float64 array")
+    return width
 
 
 def _width_of(packed: FloatArray, lanes: int) -> int:

@@ -15,9 +15,10 @@ inline Eight load_entry(const double* h, int k) {
 }
 
 // Bits of lanes whose Hessian is not too close to the ends of the number range for sums and products of its entries.
-inline unsigned lanes_in_range(const Sixteen& size) {
-    const auto tiny = less(size, constant<Sixteen>(kSmallestSum)) & less(Sixteen{}, size);
-    return bits_of(less(size, constant<Sixteen>(kLargestSum))) & ~bits_of(tiny);
+template <class V>
+unsigned lanes_in_range(const V& size) {
+    const auto tiny = less(size, constant<V>(kSmallestSum)) & less(V{}, size);
+    return bits_of(less(size, constant<V>(kLargestSum))) & ~bits_of(tiny);
 }
 
 // Projects some lanes of a group by the eigenvalues of the whole matrices.

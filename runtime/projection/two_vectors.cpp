@@ -136,8 +136,7 @@ NegativePart project_group(const Group& group, bool flip) {
         const Vector<Eight> b = scaled_vector(group.companions[k] + 3 * kLanes, &failed_here);
         take_apart(group.matrices[k], frame_of(a, b), &parts[k], before[k]);
         const Eight size = parts[k].size, down = power_of_two(size, -1);
-        const auto tiny = less(size, constant<Eight>(kSmallestSum)) & less(Eight{}, size);
-        failed_here |= ~bits_of(less(size, constant<Eight>(kLargestSum))) | bits_of(tiny);
+        failed_here |= ~lanes_in_range(size);
         failed |= (failed_here & 0xffu) << k * kLanes;
         Mask<Eight> usable;
         mask_lanes(~failed_here, &usable);

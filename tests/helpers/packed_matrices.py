@@ -22,18 +22,20 @@ def packed_triangles(matrices: Array) -> Array:
     return packs(matrices[:, rows, cols])
 
 
-def unpacked(packed: Array, like: Array) -> Array:
-    """The matrices again."""
-    n, width, _ = like.shape
+def unpacked(packed: Array, count: int) -> Array:
+    """The matrices again, [count, w, w]."""
+    entries = packed.shape[1]
+    width = int((np.sqrt(8 * entries + 1) - 1) / 2)
     rows, cols = np.triu_indices(width)
-    triangles = packed.transpose(0, 2, 1).reshape(-1, packed.shape[1])[:n]
-    result = np.empty((n, width, width))
+    triangles = packed.transpose(0, 2, 1).reshape(-1, entries)[:count]
+    result = np.empty((count, width, width))
     result[:, rows, cols] = triangles
     result[:, cols, rows] = triangles
     return result
 
 
 def reference(matrices: Array, mode: Projection) -> Array:
+    """What the projection should give, by NumPy."""
     values, vectors = np.linalg.eigh(matrices)
     values = np.maximum(values, 0) if mode == Projection.CLAMP else np.abs(values)
     return np.asarray((vectors * values[:, None, :]) @ vectors.swapaxes(1, 2))

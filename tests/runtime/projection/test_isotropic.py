@@ -58,7 +58,7 @@ def project(runtime: Runtime, h: Array, f: Array, mode: Projection = Projection.
     """What comes back, and the projected matrices."""
     packed = packed_triangles(h)
     changed = runtime.project_isotropic(packed, packs(f.reshape(len(f), -1)), len(h), mode)
-    return changed, unpacked(packed, h)
+    return changed, unpacked(packed, len(h))
 
 
 def rotations(rng: np.random.Generator, size: int) -> Array:
@@ -290,7 +290,7 @@ def test_on_narrower_registers(compiler: Compiler, flag: str) -> None:
         h = hessians(rng, f)
         packed, deformation = packed_triangles(h), packs(f.reshape(len(f), -1))
         changed = function(packed.ctypes.data, deformation.ctypes.data, 3 * cols, len(h), 0)
-        result = unpacked(packed, h)
+        result = unpacked(packed, len(h))
         error = np.linalg.norm(result - reference(h, Projection.CLAMP), axis=(1, 2))
         assert (error / (np.linalg.norm(h, axis=(1, 2)) + 1e-300)).max() < 5e-14
         assert changed == np.any(result != h, axis=(1, 2)).sum() > len(h) // 2

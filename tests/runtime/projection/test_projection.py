@@ -6,39 +6,12 @@ from collections.abc import Callable
 
 import numpy as np
 import pytest
+from packed_matrices import packed_triangles, reference, unpacked
 
 from yasps.runtime.core.library import LANES, Projection, Runtime
 
 WIDTHS = [*range(1, 25), 30, 48]
 Matrices = np.ndarray
-
-
-def pack(matrices: Matrices) -> np.ndarray:
-    """[n, w, w] as packs of eight interleaved upper triangles; the places left over hold NaN."""
-    n, w, _ = matrices.shape
-    rows, cols = np.triu_indices(w)
-    triangles = np.full((-(-n // LANES) * LANES, len(rows)), np.nan)
-    triangles[:n] = matrices[:, rows, cols]
-    return np.ascontiguousarray(triangles.reshape(-1, LANES, len(rows)).transpose(0, 2, 1))
-
-
-def unpack(packed: np.ndarray, count: int) -> Matrices:
-    """The matrices again, [count, w, w]."""
-    entries = packed.shape[1]
-    w = int((np.sqrt(8 * entries + 1) - 1) / 2)
-    triangles = packed.transpose(0, 2, 1).reshape(-1, entries)[:count]
-    rows, cols = np.triu_indices(w)
-    result = np.empty((count, w, w))
-    result[:, rows, cols] = triangles
-    result[:, cols, rows] = triangles
-    return result
-
-
-def reference(matrices: Matrices, mode: Projection) -> Matrices:
-    """What the projection should give, by NumPy."""
-    values, vectors = np.linalg.eigh(matrices)
-    values = np.maximum(values, 0) if mode == Projection.CLAMP else np.abs(values)
-    return (vectors * values[:, None, :]) @ vectors.swapaxes(1, 2)
 
 
 def random_symmetric(rng: np.random.Generator, n: int, w: int) -> Matrices:
@@ -134,9 +107,9 @@ def test_agrees_with_numpy(runtime: Runtime, kind: Callable[..., Matrices], mode
     for width in WIDTHS:
         rng = np.random.default_rng(width)
         matrices = kind(rng, 21, width)
-        packed = pack(matrices)
+        packed = packed_triangles(matrices)
         changed = runtime.project(packed, 21, mode)
-        result = unpack(packed, 21)
+        result = unpacked(packed, 21)
         norms = np.linalg.norm(matrices, axis=(1, 2)) + 1e-300
         # Eigenvalues down to -1e-13 of the diagonal's sum may be left alone, on top of rounding.
         error = np.linalg.norm(result - reference(matrices, mode), axis=(1, 2)) / norms
@@ -158,9 +131,9 @@ def test_many_packs_of_which_some_matrices_fail(runtime: Runtime, width: int, sh
     failing = rng.random(count) < share
     matrices[failing] -= rng.uniform(0.6, 2, (failing.sum(), 1, 1)) * np.eye(width)
     failing = np.linalg.eigvalsh(matrices)[:, 0] < 0
-    packed = pack(matrices)
+    packed = packed_triangles(matrices)
     assert runtime.project(packed, count) == failing.sum()
-    result = unpack(packed, count)
+    result = unpacked(packed, count)
     np.testing.assert_array_equal(result[~failing], matrices[~failing])
     np.testing.assert_allclose(result, reference(matrices, Projection.CLAMP), rtol=0, atol=5e-15 * np.sqrt(width))
     assert np.isnan(packed[-1, :, count % LANES :]).all(), "what lies behind the last matrix is left alone"
@@ -170,9 +143,9 @@ def test_many_packs_of_which_some_matrices_fail(runtime: Runtime, width: int, sh
 def test_repeated_eigenvalues_are_always_found(runtime: Runtime, width: int) -> None:
     """Rounding must not keep an off-diagonal entry above what counts as zero; it did in one of 5,000 matrices."""
     matrices = repeated(np.random.default_rng(width), 20_000, width)
-    packed = pack(matrices)
+    packed = packed_triangles(matrices)
     assert runtime.project(packed, len(matrices)) > 0
-    error = np.abs(unpack(packed, len(matrices)) - reference(matrices, Projection.CLAMP))
+    error = np.abs(unpacked(packed, len(matrices)) - reference(matrices, Projection.CLAMP))
     assert error.max() < 1e-14
 
 
@@ -181,9 +154,9 @@ def test_any_number_of_failing_matrices(runtime: Runtime) -> None:
     matrices = random_symmetric(rng, 50, 4) - 9 * np.eye(4)
     expected = reference(matrices, Projection.ABS)
     for count in range(51):
-        packed = pack(matrices[:count])
+        packed = packed_triangles(matrices[:count])
         assert runtime.project(packed, count, Projection.ABS) == count
-        np.testing.assert_allclose(unpack(packed, count), expected[:count], rtol=0, atol=1e-13)
+        np.testing.assert_allclose(unpacked(packed, count), expected[:count], rtol=0, atol=1e-13)
 
 
 @pytest.mark.parametrize("width", [1, 3, 9, 12, 24, 31])
@@ -197,7 +170,7 @@ def test_semidefinite_matrices_keep_every_bit(runtime: Runtime, width: int) -> N
     matrices[5] *= 1e-310  # below the normal numbers
     matrices[6] *= 1e-200
     matrices[7] *= 1e200
-    packed = pack(matrices)
+    packed = packed_triangles(matrices)
     before = packed.copy()
     assert runtime.project(packed, 24, Projection.CLAMP) == 0
     assert packed.tobytes() == before.tobytes()
@@ -209,7 +182,7 @@ def test_lanes_that_pass_keep_every_bit_next_to_one_that_fails(runtime: Runtime)
     rng = np.random.default_rng(0)
     matrices = with_eigenvalues(rng, rng.uniform(0.5, 1, (8, 9)))
     matrices[2] = -matrices[2]
-    packed = pack(matrices)
+    packed = packed_triangles(matrices)
     before = packed.copy()
     assert runtime.project(packed, 8) == 1
     keep = [lane for lane in range(8) if lane != 2]
@@ -221,18 +194,18 @@ def test_lanes_that_pass_keep_every_bit_next_to_one_that_fails(runtime: Runtime)
 def test_huge_and_tiny_norms(runtime: Runtime, scale: float) -> None:
     rng = np.random.default_rng(7)
     matrices = random_symmetric(rng, 16, 9)
-    packed = pack(matrices * scale)
+    packed = packed_triangles(matrices * scale)
     assert runtime.project(packed, 16) == 16
-    np.testing.assert_allclose(unpack(packed, 16) / scale, reference(matrices, Projection.CLAMP), rtol=0, atol=1e-12)
+    np.testing.assert_allclose(unpacked(packed, 16) / scale, reference(matrices, Projection.CLAMP), rtol=0, atol=1e-12)
 
 
 def test_lanes_of_very_different_size(runtime: Runtime) -> None:
     rng = np.random.default_rng(8)
     matrices = random_symmetric(rng, 8, 6)
     scales = 10.0 ** np.array([-300, -150, -20, 0, 20, 150, 300, 0])
-    packed = pack(matrices * scales[:, None, None])
+    packed = packed_triangles(matrices * scales[:, None, None])
     runtime.project(packed, 8)
-    result = unpack(packed, 8) / scales[:, None, None]
+    result = unpacked(packed, 8) / scales[:, None, None]
     np.testing.assert_allclose(result, reference(matrices, Projection.CLAMP), rtol=0, atol=1e-13 * 30)
 
 
@@ -243,8 +216,10 @@ def test_not_finite_is_reported(runtime: Runtime, bad: float, mode: Projection, 
     matrices = np.tile(np.eye(width), (19, 1, 1))
     matrices[13, width - 1, width - 1] = bad
     matrices[17, 0, 0] = bad
-    assert runtime.project(pack(matrices), 19, mode) == -(1 + 13)
-    assert runtime.project(pack(matrices), 13, mode) == 0, "what lies behind the last matrix is not looked at"
+    assert runtime.project(packed_triangles(matrices), 19, mode) == -(1 + 13)
+    assert runtime.project(packed_triangles(matrices), 13, mode) == 0, (
+        "what lies behind the last matrix is not looked at"
+    )
 
 
 @pytest.mark.parametrize("mode", list(Projection))
@@ -254,7 +229,7 @@ def test_not_finite_is_reported_among_matrices_that_fail(runtime: Runtime, mode:
     for lane in (0, 7, 8, 22, 59):
         spoilt = matrices.copy()
         spoilt[lane, 2, 4] = spoilt[lane, 4, 2] = np.nan
-        assert runtime.project(pack(spoilt), 60, mode) == -(1 + lane)
+        assert runtime.project(packed_triangles(spoilt), 60, mode) == -(1 + lane)
 
 
 @pytest.mark.parametrize("bad", [np.nan, np.inf, -np.inf])
@@ -263,22 +238,22 @@ def test_not_finite_is_reported_at_every_entry(runtime: Runtime, bad: float, mod
     for row, col in zip(*np.triu_indices(6), strict=True):
         matrices = np.tile(np.eye(6), (11, 1, 1))
         matrices[9, row, col] = matrices[9, col, row] = bad
-        assert runtime.project(pack(matrices), 11, mode) == -(1 + 9)
+        assert runtime.project(packed_triangles(matrices), 11, mode) == -(1 + 9)
 
 
 @pytest.mark.parametrize("scale", [1e-305, 1e-200, 1e-100, 1.0, 1e100, 1e300])
 def test_without_a_diagonal_of_any_size(runtime: Runtime, scale: float) -> None:
     """The shift of the check is a share of the trace, which is nothing here."""
     matrices = zero_diagonal(np.random.default_rng(9), 16, 9)
-    packed = pack(matrices * scale)
+    packed = packed_triangles(matrices * scale)
     assert runtime.project(packed, 16) == 16
-    np.testing.assert_allclose(unpack(packed, 16) / scale, reference(matrices, Projection.CLAMP), rtol=0, atol=1e-12)
+    np.testing.assert_allclose(unpacked(packed, 16) / scale, reference(matrices, Projection.CLAMP), rtol=0, atol=1e-12)
 
 
 def test_entries_whose_sum_overflows_are_finite(runtime: Runtime) -> None:
     matrices = np.tile(np.full((6, 6), 1.5e308), (8, 1, 1))
     matrices[1:] *= np.array([1, -1] * 3)[:, None] * np.array([1, -1] * 3)
-    packed = pack(matrices)
+    packed = packed_triangles(matrices)
     before = packed.copy()
     assert runtime.project(packed, 8) == 0
     assert packed.tobytes() == before.tobytes()
@@ -286,9 +261,9 @@ def test_entries_whose_sum_overflows_are_finite(runtime: Runtime) -> None:
 
 def test_leave_changes_nothing(runtime: Runtime) -> None:
     matrices = random_symmetric(np.random.default_rng(1), 8, 6)
-    packed = pack(matrices)
+    packed = packed_triangles(matrices)
     assert runtime.project(packed, 8, Projection.NONE) == 0
-    np.testing.assert_array_equal(unpack(packed, 8), matrices)
+    np.testing.assert_array_equal(unpacked(packed, 8), matrices)
 
 
 def test_wrong_arguments_are_refused(runtime: Runtime) -> None:

@@ -45,7 +45,7 @@ def project(runtime: Runtime, h: Array, a: Array, mode: Projection = Projection.
     """What comes back, and the projected matrices."""
     packed = packed_triangles(h)
     changed = runtime.project_two_vectors(packed, packs(a.reshape(len(a), -1)), len(h), mode)
-    return changed, unpacked(packed, h)
+    return changed, unpacked(packed, len(h))
 
 
 def beside(distance: float, factor: float = 1.0) -> Callable[[np.random.Generator], Array]:
@@ -156,6 +156,7 @@ def test_wrong_arguments_are_refused(runtime: Runtime) -> None:
     with pytest.raises(ValueError, match="needed are"):
         runtime.project_two_vectors(np.zeros((1, 45, 8)), np.zeros((1, 9, 8)), 8)
     with pytest.raises(ValueError, match="C-contiguous float64"):
+        # The checker of types would see it, too; callers may not have one.
         runtime.project_two_vectors(np.zeros((1, 21, 8)), np.zeros((1, 6, 8), np.float32), 8)  # type: ignore[arg-type]
 
 
@@ -175,6 +176,6 @@ def test_on_narrower_registers(compiler: Compiler) -> None:
     h = hessians(rng, a)
     packed, vectors = packed_triangles(h), packs(a.reshape(len(a), -1))
     changed = function(packed.ctypes.data, vectors.ctypes.data, 6, len(h), 0)
-    result = unpacked(packed, h)
+    result = unpacked(packed, len(h))
     assert errors(result, h, Projection.CLAMP).max() < 2e-14
     assert changed == np.any(result != h, axis=(1, 2)).sum() > len(h) // 2
