@@ -71,9 +71,9 @@ def depends_on_invariants(block: Block, energy: SSAValue, cut: Sequence[SSAValue
 
 
 def obstacle(block: Block, energy: SSAValue, cut: Sequence[SSAValue], active: Sequence[SSAValue]) -> MatOp | None:
-    """The operation that stops the proof of `depends_on_invariants` in the values of `cut`: the first whose operands are
-    known, but not what rotations do to its result. None where there is no such operation, as where the proof succeeds.
-    """
+    """The operation that stops the proof of `depends_on_invariants` in the values of `cut`: the first whose operands
+    are known, but not what rotations do to its result. None where there is no such operation, as where the proof
+    succeeds."""
     known = _known_spaces(block, energy, cut, active)
     for op in block.ops:
         stops = isinstance(op, MatOp) and op.operands and op.result in known and known[op.result] is None
