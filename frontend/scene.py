@@ -111,7 +111,9 @@ class Scene(SceneNames, Entity):
         self._targets: list[Attribute] = []
         self._runtime: Runtime | None = None
         self._compiled: CompiledScene | None = None
-        self._variants: dict[tuple[Attribute, ...], CompiledScene] = {}
+        self._variants: dict[tuple[tuple[Attribute, ...], tuple[Attribute, ...]], CompiledScene] = {}
+        self._weights: dict[Attribute, tuple[Attribute, Attribute]] = {}
+        """Of `jacobian`: weights of an attribute, and its product with them."""
         self._alive: weakref.WeakSet[CompiledScene] = weakref.WeakSet()
         """All that was compiled and is still in use, by whomever: it must hear of arrays that moved."""
         self._evaluations = 0
@@ -369,7 +371,7 @@ class Scene(SceneNames, Entity):
         if projected or all(term.projection == "none" for term in self._energies):
             compiled = self.compile()
         else:
-            compiled = self._variant(self._targets)
+            compiled = self._variant(self._targets, self._energies)
         compiled.assemble()
         return compiled.hessian()
 
@@ -389,23 +391,94 @@ class Scene(SceneNames, Entity):
 
         rows = [targets] if isinstance(targets, Attribute) else list(targets)
         columns = [parameters] if isinstance(parameters, Attribute) else list(parameters)
-        everything = [*rows, *columns]
-        for k, attribute in enumerate(everything):
+        if not rows or not columns:
+            raise SceneError("mixed_hessian needs at least one target and one parameter")
+        compiled = self.compile_exact([*rows, *columns])
+        compiled.assemble()
+        count = sum(attribute.node.array.size for attribute in rows if isinstance(attribute.node, Stored))
+        whole = compiled.hessian().to_scipy()
+        return sparse.csr_array(whole[:count, count:])
+
+    @one_thread_at_a_time
+    def compile_exact(
+        self, variables: Sequence[Attribute], energies: Sequence[Attribute] | None = None
+    ) -> CompiledScene:
+        """Exact derivatives of energies by any stored attributes, of add_attribute or add_constant, whatever the scene
+        minimises over: `assemble` of what is returned gives the gradient, end to end in this order, and `hessian` the
+        second derivatives, without projection. It is kept until energies or targets of the scene change.
+
+        energies: 1x1 attributes, registered or not, by default all that are registered.
+
+        Raises SceneError for computed, foreign or repeated attributes, or without energies; ShapeMismatchError for an
+        energy that is not 1x1.
+        """
+        self._check_stored(variables)
+        if energies is None:
+            self._check_complete(need_targets=False)
+            energies = self.energies
+        known = {term.attribute: term for term in self._energies}
+        terms = []
+        for energy in energies:
+            self._check_own(energy, "an energy")
+            if energy.shape != (1, 1):
+                raise ShapeMismatchError(f"an energy is 1x1, but {energy.path} is {spell(energy.shape)}")
+            assert energy.owner is not None
+            terms.append(known.get(energy, EnergyTerm(energy, "none", energy.owner.is_dynamic)))
+        return self._variant(variables, terms)
+
+    @one_thread_at_a_time
+    def jacobian(
+        self, attribute: Attribute, variables: Attribute | Sequence[Attribute]
+    ) -> sparse.csr_array[np.float64]:
+        """Exact first derivatives of an attribute by stored attributes, at their present numbers: a row for each number
+        of the attribute, instance by instance and row-major, a column for each of the variables, in the order given.
+
+        Compiled on first use and kept until energies or targets of the scene change. Raises SceneError for computed,
+        foreign or repeated variables, and for another scene's attribute.
+        """
+        from scipy import sparse
+
+        columns = [variables] if isinstance(variables, Attribute) else list(variables)
+        self._check_own(attribute, "what is differentiated")
+        if not columns:
+            raise SceneError("jacobian needs at least one variable")
+        self._check_stored(columns)
+        assert attribute.owner is not None
+        count, entries = attribute.owner.num_instances, attribute.size
+        sizes = [column.owner.num_instances * column.size for column in columns if column.owner is not None]
+        read = [column for column in columns if column in attribute.inputs]
+        if not read:
+            return sparse.csr_array((count * entries, sum(sizes)))
+        # The product of the attribute with weights has it as its gradient by these, so its mixed second derivatives by
+        # weights and variables are the attribute's first ones.
+        zeros = np.zeros((count, *attribute.shape))
+        if attribute not in self._weights:
+            weights = Attribute(attribute.owner, attribute.shape, Stored(zeros, constant=True))
+            self._weights[attribute] = (weights, weights.dot(attribute))
+        weights, product = self._weights[attribute]
+        weights.update_value(zeros)
+        compiled = self.compile_exact([weights, *read], [product])
+        compiled.assemble()
+        found = compiled.hessian().to_scipy()[: count * entries]
+        blocks, start = [], count * entries
+        for column, size in zip(columns, sizes, strict=True):
+            if column in attribute.inputs:
+                blocks.append(found[:, start : start + size])
+                start += size
+            else:
+                blocks.append(sparse.csr_array((count * entries, size)))
+        return sparse.csr_array(sparse.hstack(blocks))
+
+    def _check_stored(self, variables: Sequence[Attribute]) -> None:
+        """Raises SceneError for what derivatives can't be taken by."""
+        for k, attribute in enumerate(variables):
             self._check_own(attribute, "a target or parameter")
             if not isinstance(attribute.node, Stored):
                 raise SceneError(
                     f"{attribute.path} is computed; derivatives are taken with respect to stored attributes"
                 )
-            if any(attribute is other for other in everything[:k]):
+            if any(attribute is other for other in variables[:k]):
                 raise SceneError(f"{attribute.path} is named twice")
-        if not rows or not columns:
-            raise SceneError("mixed_hessian needs at least one target and one parameter")
-        self._check_complete(need_targets=False)
-        compiled = self._variant(everything)
-        compiled.assemble()
-        count = sum(attribute.node.array.size for attribute in rows if isinstance(attribute.node, Stored))
-        whole = compiled.hessian().to_scipy()
-        return sparse.csr_array(whole[:count, count:])
 
     def _check_complete(self, *, need_targets: bool) -> None:
         """Raises SceneError without energies or, if they are needed, targets."""
@@ -414,11 +487,11 @@ class Scene(SceneNames, Entity):
         if need_targets and not self._targets:
             raise SceneError(f"{self.label} has no minimisation target yet: add_minimize_target(attribute) first")
 
-    def _variant(self, targets: Sequence[Attribute]) -> CompiledScene:
-        """The scene compiled for these targets, without projection."""
-        key = tuple(targets)
+    def _variant(self, targets: Sequence[Attribute], terms: Sequence[EnergyTerm]) -> CompiledScene:
+        """These energies compiled for these targets, without projection."""
+        key = (tuple(targets), tuple(term.attribute for term in terms))
         if key not in self._variants or self._variants[key].is_outgrown:
-            exact = [replace(term, projection="none") for term in self._energies]
+            exact = [replace(term, projection="none") for term in terms]
             self._variants[key] = self._compile_for(exact, targets, [], None)
         return self._variants[key]
 
@@ -569,6 +642,7 @@ class Scene(SceneNames, Entity):
         """The next result needs a new compile of the energies."""
         self._compiled = None
         self._variants.clear()
+        self._weights.clear()
 
     def arrays_moved(self, owner: Entity) -> None:
         """Some array of the owner was replaced by another."""

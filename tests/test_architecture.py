@@ -12,7 +12,18 @@ import pytest
 
 ROOT = Path(__file__).parents[1]
 COMPILER = ("dialects", "passes", "runtime", "backend", "frontend")
-KIT = ("materials", "meshes", "output", "contact", "parameterisations", "bodies", "stepping", "simulation", "program")
+KIT = (
+    "materials",
+    "meshes",
+    "output",
+    "contact",
+    "parameterisations",
+    "bodies",
+    "stepping",
+    "simulation",
+    "inverse",
+    "program",
+)
 MAY_IMPORT = {
     "dialects": set[str](),
     "runtime": set[str](),
@@ -38,6 +49,7 @@ KIT_ROOMS = {
     "bodies": {"materials", "meshes", "contact", "parameterisations"},
     "stepping": {"materials", "contact", "output"},
     "simulation": {"materials", "meshes", "output", "contact", "bodies", "stepping"},
+    "inverse": {"output", "contact", "bodies", "stepping", "simulation"},
     "program": {"output", "stepping", "simulation"},
 }
 INSIDE = {

@@ -1,0 +1,24 @@
+"""Derivatives through whole runs of a simulation, and what fits parameters to an objective with them."""
+
+from yasps.inverse.gradients import Gradient
+from yasps.inverse.objectives import Energy, FrameView, FromOutside, Objective, Squares
+from yasps.inverse.parameters import Constant, InitialValue, InitialVelocity, MotionOf, Parameter, PerStep, Tied
+from yasps.inverse.trajectory import PRECISE, Trajectory
+
+__all__ = [
+    "PRECISE",
+    "Constant",
+    "Energy",
+    "FrameView",
+    "FromOutside",
+    "Gradient",
+    "InitialValue",
+    "InitialVelocity",
+    "MotionOf",
+    "Objective",
+    "Parameter",
+    "PerStep",
+    "Squares",
+    "Tied",
+    "Trajectory",
+]
