@@ -260,4 +260,4 @@ class SceneNames:
         """Indices changed: derivatives go elsewhere."""
 
     def sizeChanged(self, primitive: PrimitiveBase) -> None:
-        """A dynamic primitive has another number of instances."""
+        """A primitive or union has another number of instances."""
