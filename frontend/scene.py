@@ -173,8 +173,8 @@ class Scene(SceneNames, Entity):
         may have other numbers now. Indices of unions that lead to other members alone are renumbered here. Other parts
         may be given, too. A dynamic primitive that gets no instances needs nothing.
 
-        Nothing is compiled, but where rows of a variable arity get longer than ever: placement indices, sparsity and
-        what solvers keep are found again before the next result.
+        Nothing is compiled, but where rows of a variable arity get longer than ever and than their `longest`: placement
+        indices, sparsity and what solvers keep are found again before the next result.
 
         Raises SceneError for what can't be resized, DataError for numbers that are missing or don't fit,
         ConnectivityError for indices that do; nothing is changed then.

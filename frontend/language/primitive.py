@@ -51,12 +51,13 @@ class PrimitiveBase(PrimitiveBaseNames, Entity):
         arity: int | None = None,
         *,
         counts: ArrayLike | None = None,
+        longest: int = 1,
     ) -> Connectivity:
         """Connects each instance to `arity` instances of `target` (0-based; paper, 4.4).
 
         indices: instances x arity of them, flat or in rows; empty for a dynamic primitive until it is known.
         counts: instead of arity, how many of the (flat) indices each instance has; JOINs through such a connectivity of
-        variable arity are sums or means (`operation`).
+        variable arity are sums or means (`operation`). longest: how many they may get later without a compile.
         Raises ConnectivityError for a wrong count, type, arity or range; NameTakenError.
         """
         self.check_child_name(name, "a connectivity")
@@ -70,7 +71,12 @@ class PrimitiveBase(PrimitiveBaseNames, Entity):
             raise ConnectivityError(f"{self.label}, connectivity {name!r}: give either arity or counts")
         if arity is not None:
             arity = checked_count(arity, f"{self.label}, connectivity {name!r}: arity", 1, ConnectivityError)
-        connectivity = Connectivity(name, self, target, indices, arity=arity, counts=counts)
+        longest = checked_count(longest, f"{self.label}, connectivity {name!r}: longest", 1, ConnectivityError)
+        if arity is not None and longest > 1:
+            raise ConnectivityError(
+                f"{self.label}, connectivity {name!r}: longest is for rows that are given by counts"
+            )
+        connectivity = Connectivity(name, self, target, indices, arity=arity, counts=counts, longest=longest)
         if self.follows_data and len(connectivity.indices) != self.num_instances:
             if any(len(other.indices) for other in self.connectivities.values()):
                 raise ConnectivityError(

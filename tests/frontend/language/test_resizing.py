@@ -11,6 +11,7 @@ from device_checks import on_device
 from numpy.typing import NDArray
 
 from yasps import ConnectivityError, DataError, Scene, SceneError
+from yasps.backend.reference.interpreter import Interpreter
 from yasps.frontend.execution.scene_source import CompileRequest, watching_compiles
 from yasps.runtime.matrix.ordering import FEWEST_BLOCKS
 
@@ -43,7 +44,7 @@ def data(first: int, last: int) -> dict[str, Any]:
     }
 
 
-def nets(first: int, last: int) -> Scene:
+def nets(first: int, last: int, longest: int = 1) -> Scene:
     """Two nets of points, and two points in between, in a union: a chain of springs, points drawn to the mean of
     others, weights on the union, and pairs, the third of which are the two in between."""
     given = data(first, last)
@@ -55,7 +56,7 @@ def nets(first: int, last: int) -> Scene:
         x[name] = points[name].add_attribute("x", 3, 1, value=value)
     mass = points["first"].add_constant("mass", 1, 1, value=given["first.points.mass"])
     indices, counts = given["first.points.around"]
-    around = points["first"].add_connectivity("around", points["first"], indices, counts=counts)
+    around = points["first"].add_connectivity("around", points["first"], indices, counts=counts, longest=longest)
     away = x["first"] - points["first"].add_attribute("middle", through=around, source=x["first"], operation="mean")
     scene.add_energy(points["first"].add_attribute("draw", computed_attribute=mass * away.dot(away)))
     links = scene.first.add_primitive("links", len(given["first.links.ends"]))
@@ -137,12 +138,19 @@ def test_large_scenes_are_reordered_anew() -> None:
 
 
 def test_rows_of_variable_arity_longer_than_ever_compile() -> None:
-    """The only thing that does."""
-    scene = nets(20, 5)
-    compiled = scene.compile()
-    resize(scene, 6, 2, first__points__around=(np.arange(12) % 6, [7, 1, 1, 1, 1, 1]))
-    assert scene.compile() is not compiled
-    scene.gradient()
+    """The only thing that does, unless room was asked for."""
+    for longest in (1, 7):
+        scene = nets(20, 5, longest)
+        compiled = scene.compile()
+        resize(scene, 6, 2, first__points__around=(np.arange(12) % 6, [7, 1, 1, 1, 1, 1]))
+        assert (scene.compile() is compiled) == (longest == 7)
+        gradient, _ = Interpreter(scene.compile().module, scene.compile().data()).assemble()
+        np.testing.assert_allclose(np.concatenate(scene.gradient()), gradient, rtol=1e-13, atol=1e-13)
+    scene.first.points.around.update_value(np.zeros(6, int), np.ones(6, int))
+    assert scene.compile() is compiled
+    for arguments in ({"arity": 2, "longest": 3}, {"counts": [], "longest": 0}):
+        with pytest.raises(ConnectivityError, match="longest"):
+            scene.first.links.add_connectivity("other", scene.first.points, [], **arguments)
 
 
 def test_one_primitive_by_names_and_indices_of_others_in_a_union() -> None:
@@ -167,6 +175,22 @@ def test_one_primitive_by_names_and_indices_of_others_in_a_union() -> None:
 
 def weights(scene: Scene, count: int) -> dict[Any, Array]:
     return {scene.both.points["weight"]: np.ones(count)}
+
+
+def test_a_target_that_nothing_leads_to() -> None:
+    """No connectivity changes with it, and yet everything has another place."""
+    scene = nets(20, 5)
+    scene.both.pairs.update(ends=[[20, 21], [21, 20]])
+    compiled = scene.compile()
+    compiled.assemble()
+    for count in (9, 2):
+        scene.resize(
+            {scene.last.points: count}, {scene.last.points["x"]: np.ones(3 * count)} | weights(scene, 22 + count)
+        )
+        gradient, hessian = Interpreter(compiled.module, compiled.data()).assemble()
+        np.testing.assert_allclose(np.concatenate(scene.gradient()), gradient, rtol=1e-13, atol=1e-13)
+        difference = abs(scene.hessian().to_scipy() - hessian)
+        assert difference.max() < 1e-13 * abs(hessian).max()
 
 
 def test_a_dynamic_primitive_may_be_emptied_and_filled_with_the_others() -> None:
