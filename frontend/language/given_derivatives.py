@@ -193,15 +193,25 @@ class _Comparison:
         if not wrong.any():
             return
         sample, row, col = (int(k) for k in np.argwhere(wrong)[0])
+        entry = self._entry_by(col) if what == "gradient" else f"entry [{row}, {col}]"
         at = "; ".join(
             f"{argument.path} = {np.array2string(array[sample], precision=6).replace(chr(10), '')}"
             for argument, array in zip(self.arguments, numbers, strict=False)
         )
         raise SceneError(
-            f"the {what} given of {self._name} is not what is derived: at random numbers {sample}, its entry "
-            f"[{row}, {col}] is {given[sample, row, col]:.12g} and should be {derived[sample, row, col]:.12g}. There, "
+            f"the {what} given of {self._name} is not what is derived: at random numbers {sample}, {entry} "
+            f"is {given[sample, row, col]:.12g} and should be {derived[sample, row, col]:.12g}. There, "
             f"{at}. If the given one is right, and this a matter of rounding, give it with check=False"
         )
+
+    def _entry_by(self, position: int) -> str:
+        """Which entry of which argument this entry of the gradient is by."""
+        for argument in self.arguments:
+            if position < argument.size:
+                row, col = divmod(position, argument.shape[1])
+                return f"entry [{row}, {col}] by {argument.path}"
+            position -= argument.size
+        raise IndexError(position)
 
 
 def _sampled(random: np.random.Generator, attribute: Attribute, is_argument: bool) -> FloatArray:

@@ -246,9 +246,13 @@ def drop_given_derivatives(container: Container) -> None:
             for op in given:
                 op.result.replace_all_uses_with(op.operands[0])
             if given:
-                for op in reversed([op for op in block.ops if isinstance(op, MatOp)]):
-                    if not op.result.uses:
-                        block.erase_op(op)
+                _erase_unused(block)
+
+
+def _erase_unused(block: Block) -> None:
+    for op in reversed([op for op in block.ops if isinstance(op, MatOp)]):
+        if not op.result.uses:
+            block.erase_op(op)
 
 
 def _constant_part(b: BodyBuilder, dependence: DependenceMap, value: SSAValue, inputs: list[SSAValue]) -> SSAValue:

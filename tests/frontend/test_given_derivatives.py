@@ -141,7 +141,7 @@ def test_nothing_is_left_behind_differentiation() -> None:
     module = module_after(scene, given, "project-psd")
     assert "mat.given_derivative" not in str(module)
     bodies = [
-        [op.name for op in made.body.block.ops if isinstance(op, MatOp)]
+        sorted(op.name for op in made.body.block.ops if isinstance(op, MatOp))
         for one in (module, module_after(scene, derived, "project-psd"))
         for container in containers(one)
         for made in container.body.block.ops
@@ -151,6 +151,35 @@ def test_nothing_is_left_behind_differentiation() -> None:
     (derivative,) = [op for op in containers(module)[0].body.block.ops if isinstance(op, DerivativeOp)]
     assert derivative.projects is not None
     assert derivative.projects.data == "3x3 of 6x6: its eigenvalues are given"
+
+
+def test_arguments_above_a_narrower_cut() -> None:
+    """By both ends, of which the formula sees but the difference."""
+    scene, primitive, d, k = springs()
+    ends, slope = primitive["both"], gradient(d, k).T
+    given = energy(d, k).with_derivatives(ends, concat_rows([-slope, slope]))
+    found = []
+    for name, one in (("plain", energy(d, k)), ("by_ends", given)):
+        scene.add_energy(primitive.add_attribute(name, computed_attribute=one))
+        found.append(results(scene))
+        scene.remove_energy(primitive[name])
+    for one, other in zip(*found, strict=True):
+        np.testing.assert_allclose(one, other, rtol=1e-13, atol=1e-13)
+
+
+def test_arguments_that_are_nonlinear_in_the_targets() -> None:
+    """The Hessian that is given is not the energy's then: the gradient's chain rule adds to it."""
+    scene, primitive, d, k = springs()
+    square = d.dot(d)
+    plain = k * (square - 1.0) ** 2
+    given = plain.with_derivatives(square, 2.0 * k * (square - 1.0), hessian=2.0 * k)
+    found = []
+    for name, one in (("plain", plain), ("by_square", given)):
+        scene.add_energy(primitive.add_attribute(name, computed_attribute=one))
+        found.append(results(scene))
+        scene.remove_energy(primitive[name])
+    for one, other in zip(*found, strict=True):
+        np.testing.assert_allclose(one, other, rtol=1e-13, atol=1e-13)
 
 
 def test_a_jacobian_behind_a_join() -> None:
@@ -184,7 +213,7 @@ def test_wrong_derivatives_are_refused() -> None:
     message = (
         r"gradient given of m\.springs\.an expression \(made at .*:\d+\) is not what is derived: at random numbers 0, "
     )
-    with pytest.raises(SceneError, match=message + r"entry \[0, 1\] is .* and should be .*\. There, .* = \[\["):
+    with pytest.raises(SceneError, match=message + r"entry \[1, 0\] by .* is .* and should be .*\. There, .* = \[\["):
         e.with_derivatives(d, g + constant([0.0, 1e-4, 0.0]))
     with pytest.raises(SceneError, match=r"the Hessian given .*entry \[2, 0\] is"):
         e.with_derivatives(d, g, hessian=h + constant([[0.0, 0, 0], [0, 0, 0], [1e-3, 0, 0]]))
