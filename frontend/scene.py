@@ -28,6 +28,7 @@ from yasps.frontend.language.entity import Entity
 from yasps.frontend.language.mesh import Mesh
 from yasps.frontend.language.nodes import FloatArray, Stored
 from yasps.frontend.language.paper_names import SceneNames
+from yasps.frontend.language.resizing import resize
 from yasps.frontend.language.scene_html import html_of
 from yasps.frontend.language.scene_lock import lock_of, one_thread_at_a_time
 from yasps.frontend.language.scene_numbers import formulas_of, numbers_of, set_numbers
@@ -42,7 +43,7 @@ if TYPE_CHECKING:
 
     from yasps.frontend.execution.device_report import DeviceCompileReport
     from yasps.frontend.language.connectivity import Connectivity
-    from yasps.frontend.language.primitive import PrimitiveBase
+    from yasps.frontend.language.primitive import Primitive, PrimitiveBase
     from yasps.runtime.device.protocol import Device
 
 
@@ -161,6 +162,24 @@ class Scene(SceneNames, Entity):
         Raises SceneError for a path that is not there, DataError, ConnectivityError.
         """
         set_numbers(self, values)
+
+    @one_thread_at_a_time
+    def resize(self, counts: Mapping[Primitive, int], parts: Mapping[Attribute | Connectivity, Any]) -> None:
+        """Other numbers of instances of primitives, with the numbers and indices that belong to them, all or none.
+
+        counts: primitive -> how many instances it gets. parts: stored attribute or connectivity -> what `update_value`
+        takes; of a variable arity, (indices, counts). For each primitive of another size, and each union that it is in,
+        all stored attributes and connectivities are needed; so is every connectivity that leads to its instances, which
+        may have other numbers now. Indices of unions that lead to other members alone are renumbered here. Other parts
+        may be given, too. A dynamic primitive that gets no instances needs nothing.
+
+        Nothing is compiled, but where rows of a variable arity get longer than ever and than their `longest`: placement
+        indices, sparsity and what solvers keep are found again before the next result.
+
+        Raises SceneError for what can't be resized, DataError for numbers that are missing or don't fit,
+        ConnectivityError for indices that do; nothing is changed then.
+        """
+        resize(self, counts, parts)
 
     @one_thread_at_a_time
     def formulas(self) -> dict[str, str]:
@@ -581,7 +600,7 @@ class Scene(SceneNames, Entity):
             compiled.connectivity_changed(connectivity)
 
     def size_changed(self, primitive: PrimitiveBase) -> None:
-        """A dynamic primitive has another number of instances."""
+        """A primitive or union has another number of instances."""
         for compiled in self._alive:
             compiled.size_changed(primitive)
 

@@ -255,6 +255,18 @@ def test_variable_arity_is_as_described() -> None:
     assert ring.indices.tolist() == [[1, -1], [0, 2], [1, -1]]
 
 
+def test_primitives_that_belong_together_are_resized() -> None:
+    scene = Scene("mesh")
+    mesh = scene.add_mesh("mesh")
+    vertices, triangles = mesh.add_primitive("vertices", 4), mesh.add_primitive("triangles", 2)
+    names = {"position": vertices.add_attribute("position", 3, 1), "mass": vertices.add_constant("mass", 1, 1)}
+    parts = {"corners": triangles.add_connectivity("corners", vertices, [[0, 1, 2], [0, 2, 3]], 3)}
+    data = {"x": np.ones((5, 3)), "m": np.ones(5), "t": [[0, 1, 4], [1, 2, 4], [2, 3, 4], [3, 0, 4]]}
+    exec(snippet("resize"), {"scene": scene, "vertices": vertices, "triangles": triangles} | names | parts | data)
+    assert vertices.num_instances == 5
+    assert parts["corners"].indices.tolist() == [[0, 1, 2], [0, 2, 3]]
+
+
 def test_parts_of_a_dynamic_primitive_are_set_together() -> None:
     scene = Scene("pairs")
     mesh = scene.add_mesh("mesh")
@@ -324,7 +336,7 @@ def test_every_python_block_is_run() -> None:
         "architecture.md": 1,
         "contact-and-stepping.md": 6,
         "gpu.md": 1,
-        "language.md": 6,
+        "language.md": 7,
         "parameterisations.md": 1,
         "parts.md": 1,
         "results.md": 1,

@@ -124,12 +124,13 @@ class PrimitiveBaseNames:
         arity: int | None = None,
         *,
         counts: ArrayLike | None = None,
+        longest: int = 1,
     ) -> Connectivity:
         """Connects each instance to `arity` instances of `target` (0-based; paper, 4.4).
 
         indices: instances x arity of them, flat or in rows; empty for a dynamic primitive until it is known.
         counts: instead of arity, how many of the (flat) indices each instance has; JOINs through such a connectivity of
-        variable arity are sums or means (`operation`).
+        variable arity are sums or means (`operation`). longest: how many they may get later without a compile.
         Raises ConnectivityError for a wrong count, type, arity or range; NameTakenError.
         """
 
@@ -260,4 +261,4 @@ class SceneNames:
         """Indices changed: derivatives go elsewhere."""
 
     def sizeChanged(self, primitive: PrimitiveBase) -> None:
-        """A dynamic primitive has another number of instances."""
+        """A primitive or union has another number of instances."""
