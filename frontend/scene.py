@@ -546,7 +546,7 @@ class Scene(SceneNames, Entity):
         else:
             from yasps.frontend.execution.cuda_scene import CudaScene
 
-            compiled = CudaScene(request, self.device, deterministic=self._deterministic)
+            compiled = CudaScene(request, self.device, lambda: self.runtime, deterministic=self._deterministic)
         self._alive.add(compiled)
         return compiled
 

@@ -201,11 +201,12 @@ class CompiledScene(InScene, ABC):
         """For a state that goes on elsewhere."""
 
     @property
+    @abstractmethod
     def two_level_next(self) -> bool:
-        """Whether preconditioner="auto" begins the next system with the coarse space; False on a device without."""
-        return False
+        """Whether preconditioner="auto" begins the next system with the coarse space."""
 
     @two_level_next.setter
+    @abstractmethod
     def two_level_next(self, on: bool) -> None:
         """For a state that goes on elsewhere."""
 
