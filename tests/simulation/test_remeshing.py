@@ -30,7 +30,7 @@ def draped(
     cloth = Cloth(scene, "cloth", shape, bending=1e-4, refinable=refinable, **options)
     ball = Obstacle(scene, "ball", TriangleMesh(BALL.vertices, BALL.surface_triangles()))
     # Of a stiffness of its own, since the contact modulus of a cloth is that of the mesh it was made with.
-    table = ContactTable(0.3, stiffness=3e3)
+    table = ContactTable(0.3, stiffness=3e3).set("cloth", "ball", stiffness=2e3)
     return Simulation(
         scene, [cloth, ball], activation_distance=5e-3, contacts=table, integrator=integrator, rescue=0
     ), cloth
