@@ -102,6 +102,8 @@ def test_the_simulation_is_then_one_of_the_new_mesh(touching: tuple[Simulation, 
     other.set_velocity(fresh, simulation.velocity_of(cloth))
     for kind, pairs in simulation.contact.active.kinds().items():
         assert pairs.same_as(other.contact.active.kinds()[kind])
+    np.testing.assert_array_equal(simulation.contact.laws.class_of, other.contact.laws.class_of)
+    np.testing.assert_array_equal(simulation.contact.laws.stiffness, other.contact.laws.stiffness)
     ours, theirs = simulation.scene.energy_values(), other.scene.energy_values()
     for path, values in theirs.items():
         if not path.endswith((".inertia", ".potential")):  # which a step sets
