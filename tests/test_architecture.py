@@ -23,6 +23,7 @@ KIT = (
     "simulation",
     "inverse",
     "program",
+    "bridges",
 )
 MAY_IMPORT = {
     "dialects": set[str](),
@@ -51,6 +52,7 @@ KIT_ROOMS = {
     "simulation": {"materials", "meshes", "output", "contact", "bodies", "stepping"},
     "inverse": {"output", "contact", "bodies", "stepping", "simulation"},
     "program": {"output", "stepping", "simulation"},
+    "bridges": set(),
 }
 INSIDE = {
     "yasps.frontend.language.arrays",  # checks of arguments, with the messages that all of yasps has

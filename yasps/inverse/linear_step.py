@@ -117,7 +117,7 @@ class Linearizer:
             if energy.owner is not None and energy.owner.num_instances:
                 self._acting[energy] = None
         acting = [energy for energy in self.scene.energies if energy in self._acting]
-        compiled = self.scene.compile_exact([*self.targets.attributes, *self.others.attributes], acting)
+        compiled = self.scene.compile_for([*self.targets.attributes, *self.others.attributes], energies=acting)
         compiled.assemble()
         whole = compiled.hessian().to_scipy()
         n = self.targets.size

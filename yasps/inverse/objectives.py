@@ -112,7 +112,7 @@ class Energy(Objective):
         read = [variable for variable in variables if variable in self.inputs]
         if not read:
             return Slopes()
-        compiled = frame.scene.compile_exact(read, [self.attribute])
+        compiled = frame.scene.compile_for(read, energies=[self.attribute])
         gradients = compiled.split(self.weight * compiled.assemble(hessian=False))
         return Slopes(dict(zip(read, gradients, strict=True)))
 
