@@ -55,6 +55,10 @@ def test_a_cube_that_lands_and_slides() -> None:
     assert abs(found[friction].sum()) > 1e-3  # it slides
     assert found.warnings == []
     assert matrix not in found
+    forwards = trajectory.sensitivities(cube.position, parameters)[0]
+    slopes = 2 * (cube.positions() - GOAL).ravel()
+    backwards = np.concatenate([found[one].ravel() for one in parameters])
+    np.testing.assert_allclose(slopes @ forwards, backwards, rtol=1e-9, atol=1e-13)
 
 
 @pytest.mark.nightly
@@ -133,6 +137,10 @@ def test_obstacles_pins_and_schedules() -> None:
         wanted, same = difference(trajectory, miss, directions)
         assert same
         assert along(found, directions) == pytest.approx(wanted, rel=1e-6)
+    forwards = some.sensitivities(cube.position, parameters)[0]
+    slopes = 2 * (cube.positions() - GOAL).ravel()
+    backwards = np.concatenate([found[one].ravel() for one in parameters])
+    np.testing.assert_allclose(slopes @ forwards, backwards, rtol=1e-8, atol=1e-10)
 
 
 @pytest.mark.nightly

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from inverse_runs import SETTINGS, add_miss, along, chain, difference, random_directions
 
-from yasps import materials
-from yasps.inverse import Energy, FrameView, InitialValue, InitialVelocity, Squares, Trajectory
+from yasps import SceneError, materials
+from yasps.inverse import Energy, FrameView, FromOutside, InitialValue, InitialVelocity, Squares, Trajectory
 from yasps.stepping import BACKWARD_EULER, BDF2, Integrator
 
 STEPS, STEP = 6, 0.05
@@ -120,3 +120,29 @@ def test_a_run_that_was_stopped_early_is_said() -> None:
     trajectory.run()
     (warning,) = trajectory.gradient(miss, body.stiffness).warnings
     assert "settings=PRECISE" in warning
+
+
+def test_forwards_as_backwards() -> None:
+    """Sensitivities by one sweep forwards are the gradients of all numbers; a Gauss-Newton product is J^T J d."""
+    simulation, body = chain(5.0, integrator=BDF2)
+    trajectory = Trajectory(simulation, STEPS)
+    parameters = [body.stiffness, body.mass, body.position, InitialVelocity(body)]
+    forwards = trajectory.sensitivities(body.position, parameters, [3, -1])
+    assert forwards.shape == (2, 9, 1 + 3 + 9 + 3)
+    for row, frame in enumerate((3, STEPS)):
+        for number in range(9):
+
+            def one(view: FrameView, number: int = number) -> Any:
+                return 0.0, {body.position: np.eye(9)[number]}
+
+            found = trajectory.gradient(FromOutside(one, [frame]), parameters)
+            backwards = np.concatenate([found[name].ravel() for name in found])
+            np.testing.assert_allclose(forwards[row, number], backwards, rtol=1e-10, atol=1e-13)
+    squares = [Squares(body.position, [3], 0.5), Squares(body.position, weight=2.0)]
+    direction = random_directions(trajectory, parameters)
+    product = trajectory.gauss_newton_product(squares, direction)
+    d = np.concatenate([one.ravel() for one in direction.values()])
+    wanted = 0.5 * forwards[0].T @ (forwards[0] @ d) + 2.0 * forwards[1].T @ (forwards[1] @ d)
+    np.testing.assert_allclose(np.concatenate([one.ravel() for one in product.values()]), wanted, rtol=1e-10)
+    with pytest.raises(SceneError, match="Squares"):
+        trajectory.gauss_newton_product([FromOutside(one)], direction)  # type: ignore[list-item]

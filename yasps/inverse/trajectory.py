@@ -14,8 +14,8 @@ from numpy.typing import ArrayLike
 from yasps import Attribute, FloatArray, SceneError, UnsupportedSceneError
 from yasps.bodies import Body, MovingObstacle
 from yasps.frontend.language.arrays import checked_count
-from yasps.inverse.objectives import FrameView
-from yasps.inverse.parameters import PerStep
+from yasps.inverse.objectives import Frames, FrameView, Squares
+from yasps.inverse.parameters import Parameter, PerStep
 from yasps.simulation import Simulation
 from yasps.simulation.fingerprint import own_numbers
 from yasps.simulation.state import PAST, set_state, state_of
@@ -371,6 +371,20 @@ class Trajectory:
         from yasps.inverse.gradients import value_of
 
         return value_of(self, objective)
+
+    def sensitivities(self, attribute: Attribute, parameters: object, frames: Frames = "last") -> FloatArray:
+        """See `sensitivities_of`."""
+        from yasps.inverse.sensitivities import sensitivities_of
+
+        return sensitivities_of(self, attribute, parameters, frames)
+
+    def gauss_newton_product(
+        self, squares: Squares | Sequence[Squares], direction: Mapping[Parameter | Attribute, ArrayLike]
+    ) -> dict[str, FloatArray]:
+        """See `gauss_newton_product` of yasps.inverse."""
+        from yasps.inverse.sensitivities import gauss_newton_product
+
+        return gauss_newton_product(self, squares, direction)
 
     def set(self, parameter: object, values: ArrayLike) -> None:
         """Other numbers of a parameter for the next run. Raises SceneError, DataError."""
