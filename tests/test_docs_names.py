@@ -25,7 +25,7 @@ import yasps.runtime.build.toolchain
 import yasps.runtime.device.gpu
 from yasps import {public}
 import yasps.inverse
-from yasps.inverse import Gradient, Trajectory
+from yasps.inverse import Trajectory
 import yasps.bridges.jax, yasps.bridges.scipy, yasps.bridges.torch
 import yasps.backend, yasps.dialects, yasps.examples, yasps.frontend, yasps.passes
 from yasps import Solution
@@ -64,7 +64,6 @@ STANDS_FOR = {
     "joints": "Joints",
     "inverse": "Any",
     "trajectory": "Trajectory",
-    "gradient": "Gradient",
     "bodies": "Any",
     "set_load": "Any",
     "share": "Any",

@@ -29,10 +29,10 @@ def check(trajectory: Trajectory, objective: Any, parameters: list[Any], *, tole
     size = max(abs(along(found, random_directions(trajectory, [one]))) for one in parameters)
     for one in parameters:
         directions = random_directions(trajectory, [one])
-        wanted, same = difference(trajectory, objective, directions)
+        wanted, same = difference(trajectory, objective, directions, 1e-5)
         assert same, f"contacts changed in the runs for {one!r}"
         # What differences are known to is a share of the objective, and not of a slope that is small beside others.
-        assert along(found, directions) == pytest.approx(wanted, rel=tolerance, abs=1e-11 * size / 1e-4), one
+        assert along(found, directions) == pytest.approx(wanted, rel=tolerance, abs=1e-11 * size / 1e-5), one
     assert found.warnings == []
 
 
