@@ -64,7 +64,7 @@ MUTATIONS = (
     Mutation(
         "a curved way is not checked again",
         CODE,
-        "if curved and self.bound(self.now) < 1.0:",
+        "if step != 1.0 and self.leaves_way(step) and self.bound(self.now) < 1.0:",
         "if False:",
         (f"{SEARCH}::test_a_curved_way_does_not_jump_over_a_wall",),
     ),
