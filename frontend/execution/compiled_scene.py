@@ -269,10 +269,10 @@ class CompiledScene(InScene, ABC):
         if connectivity not in self._connected:
             return
         self._bound = False
-        self._unchecked.add(connectivity.source)
         self._dynamic_valid = False
         if connectivity in self._static_reads.connectivities:
             self._static_valid = False
+        self._unchecked.add(connectivity.source)
 
     def size_changed(self, owner: Entity) -> None:
         """A number of instances changed: of targets and of union members it moves all that comes after them."""

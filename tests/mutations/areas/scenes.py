@@ -73,6 +73,20 @@ MUTATIONS = (
         ("tests/frontend/test_changes.py::test_only_instances_that_do_not_read_each_other_have_another_order",),
     ),
     Mutation(
+        "what is connected to a primitive that shrinks is not looked at",
+        "frontend/execution/compiled_scene.py",
+        "self._owners if owner in self._followed else {owner}",
+        "{owner}",
+        ("tests/frontend/test_errors.py::test_a_dynamic_target_that_shrank_is_an_error_not_a_memory_fault",),
+    ),
+    Mutation(
+        "unions do not follow their members",
+        "frontend/execution/compiled_scene.py",
+        "stack += entity.members if isinstance(entity, PrimitiveUnion) else ()",
+        "pass",
+        ("tests/frontend/test_errors.py::test_stale_numbers_on_a_union_are_told",),
+    ),
+    Mutation(
         "a pointer that led to a copy is not put back",
         "backend/codegen/program.py",
         "            array[k] = self._addresses[number]\n",
