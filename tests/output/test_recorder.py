@@ -83,6 +83,12 @@ def test_another_mesh_is_in_another_file(tmp_path: Path) -> None:
             np.testing.assert_array_equal(series.positions(frame), positions[seen])
             assert series.times[frame] == pytest.approx(0.01 * (seen + 1))
             seen += 1
+    again = FrameRecorder(simulation, tmp_path, "flat", pictures=False, resume=True)
+    assert again.files == recorder.files
+    assert again.number_of_frames == 4
+    simulation.step()
+    again.record(simulation)
+    assert [len(read_series(file)) for file in again.files] == [2, 1, 2]
     with pytest.raises(PictureError, match="times of these don't grow"):
         make_animation(recorder.files[::-1], tmp_path / "wrong.gif")
     try:
@@ -92,4 +98,4 @@ def test_another_mesh_is_in_another_file(tmp_path: Path) -> None:
     from imageio.v3 import imread
 
     film = imread(make_animation(recorder.files, tmp_path / "flat.gif", size=(160, 120), frames_per_second=100.0))
-    assert len(film) == 4
+    assert len(film) == 5

@@ -14,6 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 from yasps import __version__
 from yasps.output.motion_pictures import make_animation, make_picture
 from yasps.output.recorded_bodies import Floats, Shown, as_datasets, recorded_bodies, told_look
+from yasps.output.series import read_series
 from yasps.output.view import View, checked_view
 from yasps.output.vtkhdf import VtkHdfSeries
 from yasps.output.vtkhdf_layout import OutputFileError
@@ -66,8 +67,8 @@ class FrameRecorder:
         fields: numbers at each vertex that go with the positions: "velocity" [m/s], "contact_force" [N].
         colors: name of a body -> "#rrggbb", or "#rrggbbaa" for glass.
         camera, view_direction, bounds, speed: see `View`; kept in the file for pictures that are made later, too.
-        resume: go on in the file that is there, behind its frames up to the present time of the simulation; if there is
-            none, begin one. Colours and the view may be others than before.
+        resume: go on in the last file that is there, behind its frames up to the present time of the simulation; if
+            there is none, begin one. Colours and the view may be others than before.
 
     Raises:
         OutputFileError: wrong arguments, or a file to resume that is damaged or of another scene.
@@ -99,7 +100,16 @@ class FrameRecorder:
         self.folder.mkdir(parents=True, exist_ok=True)
         self.files = [self.file]
         self._earlier_frames = 0
+        while (
+            resume and (following := self._next_file()).exists() and read_series(following).times[0] <= simulation.time
+        ):
+            self._earlier_frames += len(read_series(self.files[-1]))
+            self.files.append(following)
         self._series = self._begin(simulation.time if resume else None)
+
+    def _next_file(self) -> Path:
+        """For another mesh."""
+        return self.folder / f"{self.name}.mesh-{len(self.files) + 1}.vtkhdf"
 
     def _begin(self, resume_at: float | None) -> VtkHdfSeries:
         """A series of the bodies with the meshes that they have now, in the last of the files."""
@@ -145,7 +155,7 @@ class FrameRecorder:
             self._series.close()
             if self._series.number_of_frames:
                 self._earlier_frames += self._series.number_of_frames
-                self.files.append(self.folder / f"{self.name}.mesh-{len(self.files) + 1}.vtkhdf")
+                self.files.append(self._next_file())
             self._series = self._begin(None)
         data = {field: _FIELDS[field](simulation, self._bodies).astype(np.float32) for field in self._fields}
         self._series.write_frame(simulation.time, np.concatenate(self._last), point_data=data)
