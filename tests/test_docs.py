@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import importlib.util
 import re
+from itertools import pairwise
 from pathlib import Path
 from types import ModuleType
 from typing import Any
@@ -16,7 +17,7 @@ from scipy.spatial.transform import Rotation
 from xdsl.parser import Parser
 
 from benchmarks import parts
-from yasps import Attribute, Scene, concat_cols, concat_rows, identity, materials, stumpff
+from yasps import Attribute, Scene, concat_cols, concat_rows, constant, identity, materials, stumpff
 from yasps.bodies import SoftBody
 from yasps.dialects.mat import OPERATIONS
 from yasps.examples import two_bunnies
@@ -30,6 +31,7 @@ from yasps.stepping import BDF2
 
 ROOT = Path(__file__).parents[1]
 ARCHITECTURE = ROOT / "docs" / "architecture.md"
+BRIDGES = ROOT / "docs" / "bridges.md"
 LANGUAGE = ROOT / "docs" / "language.md"
 GPU = ROOT / "docs" / "gpu.md"
 STEPPING = ROOT / "docs" / "contact-and-stepping.md"
@@ -255,6 +257,18 @@ def test_variable_arity_is_as_described() -> None:
     assert ring.indices.tolist() == [[1, -1], [0, 2], [1, -1]]
 
 
+def test_primitives_that_belong_together_are_resized() -> None:
+    scene = Scene("mesh")
+    mesh = scene.add_mesh("mesh")
+    vertices, triangles = mesh.add_primitive("vertices", 4), mesh.add_primitive("triangles", 2)
+    names = {"position": vertices.add_attribute("position", 3, 1), "mass": vertices.add_constant("mass", 1, 1)}
+    parts = {"corners": triangles.add_connectivity("corners", vertices, [[0, 1, 2], [0, 2, 3]], 3)}
+    data = {"x": np.ones((5, 3)), "m": np.ones(5), "t": [[0, 1, 4], [1, 2, 4], [2, 3, 4], [3, 0, 4]]}
+    exec(snippet("resize"), {"scene": scene, "vertices": vertices, "triangles": triangles} | names | parts | data)
+    assert vertices.num_instances == 5
+    assert parts["corners"].indices.tolist() == [[0, 1, 2], [0, 2, 3]]
+
+
 def test_parts_of_a_dynamic_primitive_are_set_together() -> None:
     scene = Scene("pairs")
     mesh = scene.add_mesh("mesh")
@@ -293,6 +307,23 @@ def test_a_hinge_in_numpys_words_is_what_numpy_computes() -> None:
     assert symbolic["energy"].value.item() == pytest.approx(float(numbers["energy"]), rel=1e-14)
 
 
+def test_derivatives_of_ones_own() -> None:
+    """An exact gradient of (d . d - 1)^2, and its positive semi-definite Hessian where d is short: 8 d d^T clamped."""
+    scene = Scene("own", threads=1)
+    d = scene.add_mesh("m").add_primitive("p", 1).add_attribute("d", 3, 1, value=[0.6, 0.0, 0.0])
+    names: dict[str, Any] = {"d": d, "length": 1.0, "stiffness": 1.0, "normal": constant([0.0, 0.0, 1.0])}
+    with pytest.raises(errors.SceneError, match="the Hessian given"):  # it is no normal of every d
+        exec("from yasps import *\n" + snippet("eigensystem="), names)
+    names["normal"] = d.cross([0.0, 1.0, 0.0]) / d.cross([0.0, 1.0, 0.0]).norm()
+    exec("from yasps import *\n" + snippet("eigensystem="), names)
+    scene.add_energy(scene.m.p.add_attribute("energy", computed_attribute=names["energy"]))
+    scene.add_minimize_target(d)
+    np.testing.assert_allclose(scene.gradient()[0], [4 * (0.36 - 1) * 0.6, 0.0, 0.0], atol=1e-14)
+    np.testing.assert_allclose(
+        scene.hessian().to_scipy().toarray(), np.diag([8 * 0.36 + 4 * (0.36 - 1), 0, 0]), atol=1e-13
+    )
+
+
 def test_frames_of_a_rod_are_carried_along() -> None:
     (code,) = blocks(PARTS, "python")
     names: dict[str, Any] = {}
@@ -306,6 +337,39 @@ def test_the_results_of_the_document(capsys: pytest.CaptureFixture[str]) -> None
     (code,) = blocks(ROOT / "docs" / "results.md", "python")
     run(code, "docs/results.md")
     assert capsys.readouterr().out == "[0.   0.01 0.02 0.03] ['die', 'ground']\n"
+
+
+def test_the_bridges_of_the_document(capsys: pytest.CaptureFixture[str]) -> None:
+    code, *_ = blocks(BRIDGES, "python")
+    names: dict[str, Any] = {}
+    exec(code, names)
+    assert capsys.readouterr().out == "[[0.3121, -0.0243, 0.0], [0.6879, -0.0243, 0.0]]\n"
+    np.testing.assert_allclose(names["scene"].compile_for(names["position"]).assemble(hessian=False), 0.0, atol=1e-6)
+
+
+def test_the_bridge_to_jax_of_the_document() -> None:
+    """Newton's method converges quadratically."""
+    jax = pytest.importorskip("jax", reason="pip install 'yasps[jax]'")
+    before = jax.config.jax_enable_x64
+    names: dict[str, Any] = {}
+    try:
+        for code in blocks(BRIDGES, "python")[:2]:
+            exec(code, names)
+    finally:
+        jax.config.update("jax_enable_x64", before)
+    first, *_, last = slopes = names["slopes"]
+    assert first > 1e-2
+    assert last < 1e-12
+    assert all(b < 10 * a**2 for a, b in pairwise(slopes) if a > 1e-7)
+
+
+def test_the_bridge_to_torch_of_the_document(capsys: pytest.CaptureFixture[str]) -> None:
+    pytest.importorskip("torch", reason="pip install 'yasps[torch]'")
+    names: dict[str, Any] = {}
+    scipy_code, _, torch_code = blocks(BRIDGES, "python")
+    exec(scipy_code, names)
+    exec(torch_code, names)
+    assert "torch.Size([3, 1, 1])" in capsys.readouterr().out
 
 
 def test_every_energy_has_its_line() -> None:
@@ -322,9 +386,10 @@ def test_every_python_block_is_run() -> None:
     run = {
         "README.md": 1,
         "architecture.md": 1,
+        "bridges.md": 3,
         "contact-and-stepping.md": 6,
         "gpu.md": 1,
-        "language.md": 6,
+        "language.md": 8,
         "parameterisations.md": 1,
         "parts.md": 1,
         "results.md": 1,

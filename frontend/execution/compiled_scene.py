@@ -201,11 +201,12 @@ class CompiledScene(InScene, ABC):
         """For a state that goes on elsewhere."""
 
     @property
+    @abstractmethod
     def two_level_next(self) -> bool:
-        """Whether preconditioner="auto" begins the next system with the coarse space; False on a device without."""
-        return False
+        """Whether preconditioner="auto" begins the next system with the coarse space."""
 
     @two_level_next.setter
+    @abstractmethod
     def two_level_next(self, on: bool) -> None:
         """For a state that goes on elsewhere."""
 
@@ -319,6 +320,13 @@ class CompiledScene(InScene, ABC):
             {symbol: c.indices for symbol, c in self.emitter.connected.items()},
             {symbol: owner.num_instances for symbol, owner in self.emitter.owners.items()},
         )
+
+    def read_beside_targets(self) -> list[tuple[object, int]]:
+        """All that the code reads but the targets: each array or list of indices, and how often it was set in place.
+        What was not set since is the same object and number."""
+        stored = [attribute.node for attribute in self.emitter.stored.values() if attribute not in self.targets]
+        arrays = [(node.array, node.version) for node in stored if isinstance(node, Stored)]
+        return [*arrays, *((connected.stored_indices, 0) for connected in self.emitter.connected.values())]
 
     def _array_of(self, binding: Binding) -> NDArray[Any]:
         """The array on the host that a kernel reads."""

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy import sparse
 
-from yasps.frontend.execution.compiled_scene import CompileReport
+from yasps.frontend.execution.compiled_scene import CompiledScene, CompileReport
 from yasps.frontend.language.attribute import Attribute
 from yasps.frontend.language.connectivity import Connectivity, IntArray
 from yasps.frontend.language.entity import Entity
@@ -37,6 +37,28 @@ class AttributeNames:
 
     def stopGradient(self) -> Attribute:
         """The same value, held constant by differentiation."""
+
+    def withDerivatives(
+        self,
+        arguments: Attribute | Sequence[Attribute],
+        gradient: Attribute | Sequence[Attribute],
+        *,
+        hessian: Attribute | None = None,
+        eigensystem: tuple[Attribute, Attribute] | None = None,
+        check: bool = True,
+    ) -> Attribute:
+        """The same value with derivatives of one's own, which the compiler uses instead of deriving them.
+
+        arguments: attributes that the formula is written with, m entries together. gradient: one attribute in the shape
+        of each argument; if this attribute is not 1x1, its Jacobian instead, a row for each of its entries and a column
+        for each of the arguments', all row-major. hessian: of a 1x1 attribute, m x m; without it the gradient is
+        differentiated. eigensystem: of that Hessian instead, eigenvalues k x 1 and orthonormal eigenvectors m x k, one
+        a column, k <= m; where this attribute is an energy and its arguments are affine in the targets, their negative
+        ones are removed without looking for them. check: compare with what is derived, at random numbers, now.
+
+        Derivatives with respect to what is reached otherwise than through the arguments raise SceneError when the scene
+        is compiled. Raises SceneError where a given derivative is wrong, ShapeMismatchError, LineageError.
+        """
 
 class ConnectivityNames:
     @property
@@ -124,12 +146,13 @@ class PrimitiveBaseNames:
         arity: int | None = None,
         *,
         counts: ArrayLike | None = None,
+        longest: int = 1,
     ) -> Connectivity:
         """Connects each instance to `arity` instances of `target` (0-based; paper, 4.4).
 
         indices: instances x arity of them, flat or in rows; empty for a dynamic primitive until it is known.
         counts: instead of arity, how many of the (flat) indices each instance has; JOINs through such a connectivity of
-        variable arity are sums or means (`operation`).
+        variable arity are sums or means (`operation`). longest: how many they may get later without a compile.
         Raises ConnectivityError for a wrong count, type, arity or range; NameTakenError.
         """
 
@@ -226,6 +249,23 @@ class SceneNames:
         Raises SceneError for computed, foreign or repeated attributes, or without energies.
         """
 
+    def compileFor(
+        self,
+        inputs: Attribute | Sequence[Attribute],
+        *,
+        energies: Sequence[Attribute] | None = None,
+        projected: bool = False,
+    ) -> CompiledScene:
+        """The sum of some energies compiled for derivatives with respect to these stored attributes, of add_attribute
+        or add_constant, whichever the minimisation targets are; kept with the scene.
+
+        energies: 1x1 attributes, registered or not; default all that are registered. projected: negative eigenvalues
+        of the local Hessians are removed as the energies were registered, of others by "clamp"; else they are exact.
+
+        Raises SceneError for computed, foreign or repeated inputs, foreign or repeated energies, or without any;
+        ShapeMismatchError for an energy that isn't 1x1.
+        """
+
     def totalEnergy(self) -> float:
         """Sum of all energies over all their instances; infinite or NaN where one is."""
 
@@ -260,4 +300,4 @@ class SceneNames:
         """Indices changed: derivatives go elsewhere."""
 
     def sizeChanged(self, primitive: PrimitiveBase) -> None:
-        """A dynamic primitive has another number of instances."""
+        """A primitive or union has another number of instances."""

@@ -15,7 +15,16 @@ CHAINS = ("tests/passes/calculus/test_scalar_chains.py",)
 DERIVATIVES = ("tests/passes/transforms/test_differentiate.py",)
 WIDE = "tests/frontend/execution/test_wide_hessians.py"
 
+SEEN_THROUGH = ("tests/passes/transforms/test_cut_seen_through.py",)
+
 MUTATIONS = (
+    Mutation(
+        "derivatives that read what lies before the cut go unseen",
+        "passes/transforms/differentiate.py",
+        "if sees_beside(listed, values, inputs):",
+        "if False:",
+        SEEN_THROUGH,
+    ),
     Mutation(
         "a choice between numbers: the guards of its sides exchanged",
         "passes/calculus/derivatives.py",
@@ -178,5 +187,47 @@ MUTATIONS = (
         (
             "tests/passes/test_pipeline.py::test_an_operation_that_a_pass_breaks_is_found_beside_equal_ones_that_are_whole",
         ),
+    ),
+    Mutation(
+        "a given Jacobian is pushed forward only: backwards nothing comes of it",
+        "dialects/mat/calculus.py",
+        "parts.append(b.reshape(b.block(column, start, 0, rows * cols, 1), (rows, cols)))",
+        "parts.append(None)",
+        ("tests/frontend/test_given_derivatives.py",),
+    ),
+    Mutation(
+        "a value with a given constant Jacobian counts as linear, and so does one with any",
+        "dialects/mat/calculus.py",
+        "return not active[1]",
+        "return True",
+        ("tests/frontend/test_given_derivatives.py::test_arguments_above_a_narrower_cut",),
+    ),
+    Mutation(
+        "given eigenvalues are not what is projected",
+        "passes/transforms/project_psd.py",
+        "        if shape_of(middle)[0] > shape_of(value)[0]:\n",
+        "        if shape_of(middle)[0] > shape_of(value)[0] or dependence.is_active(linear):\n",
+        ("tests/frontend/test_given_derivatives.py::test_nothing_is_left_behind_differentiation",),
+    ),
+    Mutation(
+        "a given Hessian by values that are no targets is taken for that of the targets alone",
+        "passes/transforms/differentiate.py",
+        "    if any(dependence[argument] is not Dependence.AFFINE for argument in arguments):\n        return None\n",
+        "",
+        ("tests/frontend/test_given_derivatives.py",),
+    ),
+    Mutation(
+        "a given gradient may miss the arguments' neighbours",
+        "frontend/execution/emit.py",
+        "if stored in self.varied:",
+        "if stored in self.varied and False:",
+        ("tests/frontend/test_given_derivatives.py::test_given_derivatives_are_those_that_would_be_derived",),
+    ),
+    Mutation(
+        "a wrong gradient is within the tolerance",
+        "frontend/language/given_derivatives.py",
+        "TOLERANCE = 1e-6",
+        "TOLERANCE = 1e-2",
+        ("tests/frontend/test_given_derivatives.py::test_wrong_derivatives_are_refused",),
     ),
 )
