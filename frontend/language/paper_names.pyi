@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy import sparse
 
-from yasps.frontend.execution.compiled_scene import CompileReport
+from yasps.frontend.execution.compiled_scene import CompiledScene, CompileReport
 from yasps.frontend.language.attribute import Attribute
 from yasps.frontend.language.connectivity import Connectivity, IntArray
 from yasps.frontend.language.entity import Entity
@@ -225,6 +225,23 @@ class SceneNames:
         problems: at a minimum x(p) of E, H dx/dp = -mixed_hessian(x, p).
 
         Raises SceneError for computed, foreign or repeated attributes, or without energies.
+        """
+
+    def compileFor(
+        self,
+        inputs: Attribute | Sequence[Attribute],
+        *,
+        energies: Sequence[Attribute] | None = None,
+        projected: bool = False,
+    ) -> CompiledScene:
+        """The sum of some energies compiled for derivatives with respect to these stored attributes, of add_attribute
+        or add_constant, whichever the minimisation targets are; kept with the scene.
+
+        energies: 1x1 attributes, registered or not; default all that are registered. projected: negative eigenvalues
+        of the local Hessians are removed as the energies were registered, of others by "clamp"; else they are exact.
+
+        Raises SceneError for computed, foreign or repeated inputs, foreign or repeated energies, or without any;
+        ShapeMismatchError for an energy that isn't 1x1.
         """
 
     def totalEnergy(self) -> float:
