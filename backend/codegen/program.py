@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import ctypes
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -40,45 +40,62 @@ class Program:
         self.codes: dict[str, ObjectCode] = code.codes
         if dump_to is not None:
             dump_sources(code, dump_to, "cpp")
-        unique = {code.symbol: code for code in self.codes.values()}
-        sources = [Source(code.symbol, code.text) for code in unique.values()]
+        sources = sources_of(self.codes.values(), compiler)
         objects = compile_sources(sources, compiler.for_generated())
         names = {code.symbol: name for name, code in reversed(self.codes.items())}
         self.log = [
-            CompiledModule(names[item.name], item.seconds, item.cached, unique[item.name].text.count("\n"))
-            for item in objects
+            CompiledModule(names[item.name], item.seconds, item.cached, source.text.count("\n"))
+            for source, item in zip(sources, objects, strict=True)
         ]
         math_libraries = ("-lmvec", "-lm") if compiler.has_vector_math else ("-lm",)
         linked = link(objects, compiler, (*LINK_FLAGS, *math_libraries))
         self.log.append(CompiledModule("link", linked.seconds, linked.cached, 0))
         self._library = ctypes.CDLL(str(linked.path))
         self._arguments = {name: (ctypes.c_void_p * max(1, len(c.bindings)))() for name, c in self.codes.items()}
-        reads: dict[Binding, int] = {}  # many objects read the same
-        self._entries: list[tuple[ctypes.Array[ctypes.c_void_p], int, int]] = []
+        self._functions: dict[tuple[str, str], int] = {}
+        # Many objects read the same. Of each thing that is read: its address, and where that stands.
+        self._numbers: dict[Binding, int] = {}
+        self._places: list[list[tuple[ctypes.Array[ctypes.c_void_p], int]]] = []
+        self._elsewhere: list[tuple[ctypes.Array[ctypes.c_void_p], int, int]] = []
         for name, emitted in self.codes.items():
             array = self._arguments[name]
             for k, binding in enumerate(emitted.bindings):
                 if binding.kind == "arguments":
                     array[k] = ctypes.addressof(self._arguments[binding.name])
                 else:
-                    self._entries.append((array, k, reads.setdefault(binding, len(reads))))
-        self._reads = list(reads)
+                    number = self._numbers.setdefault(binding, len(self._places))
+                    if number == len(self._places):
+                        self._places.append([])
+                    self._places[number].append((array, k))
+        self._addresses: list[int | None] = [None] * len(self._places)
 
     def bind(self, address_of: Callable[[Binding], int]) -> None:
         """Points all objects to the scene's arrays; again whenever an array has moved."""
-        addresses = [address_of(binding) for binding in self._reads]
-        for array, k, read in self._entries:
-            array[k] = addresses[read]
+        for array, k, number in self._elsewhere:
+            array[k] = self._addresses[number]
+        self._elsewhere.clear()
+        for number, binding in enumerate(self._numbers):
+            address = address_of(binding)
+            if self._addresses[number] == address:
+                continue
+            self._addresses[number] = address
+            for array, k in self._places[number]:
+                array[k] = address
 
     def point(self, name: str, binding: Binding, address: int) -> None:
         """Points one object elsewhere, until the next `bind`."""
-        self._arguments[name][self.codes[name].bindings.index(binding)] = address
+        k = self.codes[name].bindings.index(binding)
+        self._arguments[name][k] = address
+        self._elsewhere.append((self._arguments[name], k, self._numbers[binding]))
 
     def function(self, name: str, entry: str) -> int:
         """Address of an entry point of the object that defines `name`."""
-        symbol = getattr(self._library, f"{self.codes[name].symbol}_{entry}")
-        address = ctypes.cast(symbol, ctypes.c_void_p).value
-        assert address is not None
+        address = self._functions.get((name, entry))
+        if address is None:
+            symbol = getattr(self._library, f"{self.codes[name].symbol}_{entry}")
+            address = ctypes.cast(symbol, ctypes.c_void_p).value
+            assert address is not None
+            self._functions[name, entry] = address
         return address
 
     def arguments(self, name: str) -> int:
@@ -101,6 +118,15 @@ class Program:
         out = np.zeros(count, np.int64)
         _OVER_INSTANCES(self.function(name, "branches"))(self.arguments(name), 0, count, out.ctypes.data)
         return out
+
+
+def sources_of(codes: Iterable[ObjectCode], compiler: Compiler) -> list[Source]:
+    """What is compiled of these objects, by `compiler.for_generated()`: equal ones once, under their symbols."""
+    unique = {code.symbol: code for code in codes}
+    return [
+        Source(symbol, code.text, compiler.derivative_flags if "derive" in code.entries else ())
+        for symbol, code in unique.items()
+    ]
 
 
 def dump_sources(code: SceneCode, folder: Path, ending: str) -> None:
