@@ -10,7 +10,9 @@ import pytest
 from yasps import Attribute, Scene, concat_rows
 
 ENERGIES: dict[str, Callable[[Attribute, Attribute], Attribute]] = {
-    "a transpose": lambda x, b: _square(concat_rows([x.row(1) - x.row(0), x.row(2) - x.row(0)]).T * b.block(0, 0, 2, 3)),
+    "a transpose": lambda x, b: _square(
+        concat_rows([x.row(1) - x.row(0), x.row(2) - x.row(0)]).T * b.block(0, 0, 2, 3)
+    ),
     "parts of a concatenation": lambda x, b: _both(x, b),
 }
 
