@@ -73,7 +73,9 @@ def _mesh(settings: Settings, per_cell: int) -> TetrahedralMesh:
 class _DeviceCase:
     """The matrix of a case on the device."""
 
-    def __init__(self, case: Case, device: Device, program: LoadedProgram, *, deterministic: bool) -> None:
+    def __init__(
+        self, case: Case, device: Device, program: LoadedProgram, runtime: Runtime, *, deterministic: bool
+    ) -> None:
         self.device = device
         self.name = "yasps, deterministic" if deterministic else "yasps"
         self.matrix = CudaBlockMatrix(device, program)
@@ -84,7 +86,7 @@ class _DeviceCase:
         boundaries, block_sizes = np.array([0, case.plain.size]), np.array([3], np.int32)
         self.matrix.build(boundaries, block_sizes, [_vector(device, kappa)])
         self.matrix.values.upload(_sorted_values(case.plain))
-        self.solver = CudaSolver(device, program, deterministic=deterministic)
+        self.solver = CudaSolver(device, program, lambda: runtime, deterministic=deterministic)
         self.x = _vector(device, case.x)
         self.y = DeviceArray(device, np.float64, "a product of a benchmark")
         self.multiply()
@@ -143,7 +145,7 @@ def _spmv_peers(
         Peer(iteration, "yasps", threads, solve, 1e3 / ITERATIONS, MS),
     ]
     for deterministic in (False, True):
-        one = _DeviceCase(case, device, program, deterministic=deterministic)
+        one = _DeviceCase(case, device, program, runtime, deterministic=deterministic)
         multiply = Peer(case.name, one.name, ON_DEVICE, one.graph.launch, 1e3 / PRODUCTS, MS)
         iterate = Peer(iteration, one.name, ON_DEVICE, one.solve, 1e3 / ITERATIONS, MS)
         peers += [device_peer(device, peer, times=1) for peer in (multiply, iterate)]

@@ -28,6 +28,7 @@ from yasps.frontend.language.entity import Entity
 from yasps.frontend.language.mesh import Mesh
 from yasps.frontend.language.nodes import FloatArray, Stored
 from yasps.frontend.language.paper_names import SceneNames
+from yasps.frontend.language.resizing import resize
 from yasps.frontend.language.scene_html import html_of
 from yasps.frontend.language.scene_lock import lock_of, one_thread_at_a_time
 from yasps.frontend.language.scene_numbers import formulas_of, numbers_of, set_numbers
@@ -42,7 +43,7 @@ if TYPE_CHECKING:
 
     from yasps.frontend.execution.device_report import DeviceCompileReport
     from yasps.frontend.language.connectivity import Connectivity
-    from yasps.frontend.language.primitive import PrimitiveBase
+    from yasps.frontend.language.primitive import Primitive, PrimitiveBase
     from yasps.runtime.device.protocol import Device
 
 
@@ -111,7 +112,7 @@ class Scene(SceneNames, Entity):
         self._targets: list[Attribute] = []
         self._runtime: Runtime | None = None
         self._compiled: CompiledScene | None = None
-        self._variants: dict[tuple[Attribute, ...], CompiledScene] = {}
+        self._variants: dict[tuple[tuple[Attribute, ...], tuple[EnergyTerm, ...]], CompiledScene] = {}
         self._alive: weakref.WeakSet[CompiledScene] = weakref.WeakSet()
         """All that was compiled and is still in use, by whomever: it must hear of arrays that moved."""
         self._evaluations = 0
@@ -163,6 +164,24 @@ class Scene(SceneNames, Entity):
         set_numbers(self, values)
 
     @one_thread_at_a_time
+    def resize(self, counts: Mapping[Primitive, int], parts: Mapping[Attribute | Connectivity, Any]) -> None:
+        """Other numbers of instances of primitives, with the numbers and indices that belong to them, all or none.
+
+        counts: primitive -> how many instances it gets. parts: stored attribute or connectivity -> what `update_value`
+        takes; of a variable arity, (indices, counts). For each primitive of another size, and each union that it is in,
+        all stored attributes and connectivities are needed; so is every connectivity that leads to its instances, which
+        may have other numbers now. Indices of unions that lead to other members alone are renumbered here. Other parts
+        may be given, too. A dynamic primitive that gets no instances needs nothing.
+
+        Nothing is compiled, but where rows of a variable arity get longer than ever and than their `longest`: placement
+        indices, sparsity and what solvers keep are found again before the next result.
+
+        Raises SceneError for what can't be resized, DataError for numbers that are missing or don't fit,
+        ConnectivityError for indices that do; nothing is changed then.
+        """
+        resize(self, counts, parts)
+
+    @one_thread_at_a_time
     def formulas(self) -> dict[str, str]:
         """A digest of every energy's formula by its path: of operations, shapes and the names of what it reads, but of
         no numbers that can be set."""
@@ -199,12 +218,7 @@ class Scene(SceneNames, Entity):
         Raises ShapeMismatchError if it isn't 1x1; SceneError for another scene's attribute, one registered before, one
         without an owner, a static energy on a dynamic primitive.
         """
-        self._check_own(attribute, "an energy")
-        if attribute.shape != (1, 1):
-            raise ShapeMismatchError(
-                f"an energy is 1x1 on every instance, but {attribute.path} is {spell(attribute.shape)}; reduce it, "
-                "e.g. by dot, sum or norm"
-            )
+        self._check_energy(attribute)
         if projection not in PROJECTIONS:
             raise SceneError(f"projection must be one of {', '.join(PROJECTIONS)}, got {projection!r}")
         if any(term.attribute is attribute for term in self._energies):
@@ -265,6 +279,14 @@ class Scene(SceneNames, Entity):
                 raise SceneError(f"{getattr(target, 'path', target)!r} is no minimisation target of {self.label}")
         self._targets = [known for known in self._targets if not any(known is target for target in listed)]
         self.structure_changed()
+
+    def _check_energy(self, attribute: Attribute) -> None:
+        self._check_own(attribute, "an energy")
+        if attribute.shape != (1, 1):
+            raise ShapeMismatchError(
+                f"an energy is 1x1 on every instance, but {attribute.path} is {spell(attribute.shape)}; reduce it, "
+                "e.g. by dot, sum or norm"
+            )
 
     def _check_own(self, attribute: Attribute, what: str) -> None:
         if not isinstance(attribute, Attribute):
@@ -389,23 +411,62 @@ class Scene(SceneNames, Entity):
 
         rows = [targets] if isinstance(targets, Attribute) else list(targets)
         columns = [parameters] if isinstance(parameters, Attribute) else list(parameters)
-        everything = [*rows, *columns]
-        for k, attribute in enumerate(everything):
+        if not rows or not columns:
+            raise SceneError("mixed_hessian needs at least one target and one parameter")
+        compiled = self.compile_for([*rows, *columns])
+        compiled.assemble()
+        count = sum(attribute.node.array.size for attribute in rows if isinstance(attribute.node, Stored))
+        whole = compiled.hessian().to_scipy()
+        return sparse.csr_array(whole[:count, count:])
+
+    @one_thread_at_a_time
+    def compile_for(
+        self,
+        inputs: Attribute | Sequence[Attribute],
+        *,
+        energies: Sequence[Attribute] | None = None,
+        projected: bool = False,
+    ) -> CompiledScene:
+        """The sum of some energies compiled for derivatives with respect to these stored attributes, of add_attribute
+        or add_constant, whichever the minimisation targets are; kept with the scene.
+
+        energies: 1x1 attributes, registered or not; default all that are registered. projected: negative eigenvalues
+        of the local Hessians are removed as the energies were registered, of others by "clamp"; else they are exact.
+
+        Raises SceneError for computed, foreign or repeated inputs, foreign or repeated energies, or without any;
+        ShapeMismatchError for an energy that isn't 1x1.
+        """
+        listed = [inputs] if isinstance(inputs, Attribute) else list(inputs)
+        for k, attribute in enumerate(listed):
             self._check_own(attribute, "a target or parameter")
             if not isinstance(attribute.node, Stored):
                 raise SceneError(
                     f"{attribute.path} is computed; derivatives are taken with respect to stored attributes"
                 )
-            if any(attribute is other for other in everything[:k]):
+            if any(attribute is other for other in listed[:k]):
                 raise SceneError(f"{attribute.path} is named twice")
-        if not rows or not columns:
-            raise SceneError("mixed_hessian needs at least one target and one parameter")
-        self._check_complete(need_targets=False)
-        compiled = self._variant(everything)
-        compiled.assemble()
-        count = sum(attribute.node.array.size for attribute in rows if isinstance(attribute.node, Stored))
-        whole = compiled.hessian().to_scipy()
-        return sparse.csr_array(whole[:count, count:])
+        if not listed:
+            raise SceneError("derivatives need at least one stored attribute to be taken with respect to")
+        if energies is None:
+            self._check_complete(need_targets=False)
+            terms = self._energies
+        else:
+            terms = self._terms_of(energies)
+        return self._variant(listed, terms, exact=not projected)
+
+    def _terms_of(self, energies: Sequence[Attribute]) -> list[EnergyTerm]:
+        """Energies as they were registered; others as they would be by default."""
+        if not energies:
+            raise SceneError("derivatives need at least one energy")
+        terms = []
+        for k, attribute in enumerate(energies):
+            self._check_energy(attribute)
+            if any(attribute is other for other in energies[:k]):
+                raise SceneError(f"{attribute.path} is named twice")
+            assert attribute.owner is not None
+            registered = [term for term in self._energies if term.attribute is attribute]
+            terms.append(registered[0] if registered else EnergyTerm(attribute, "clamp", attribute.owner.is_dynamic))
+        return terms
 
     def _check_complete(self, *, need_targets: bool) -> None:
         """Raises SceneError without energies or, if they are needed, targets."""
@@ -414,12 +475,15 @@ class Scene(SceneNames, Entity):
         if need_targets and not self._targets:
             raise SceneError(f"{self.label} has no minimisation target yet: add_minimize_target(attribute) first")
 
-    def _variant(self, targets: Sequence[Attribute]) -> CompiledScene:
-        """The scene compiled for these targets, without projection."""
-        key = tuple(targets)
+    def _variant(
+        self, targets: Sequence[Attribute], terms: Sequence[EnergyTerm] | None = None, *, exact: bool = True
+    ) -> CompiledScene:
+        """Energies, by default all, compiled for these targets; `exact`: without projection."""
+        chosen = self._energies if terms is None else terms
+        chosen = [replace(term, projection="none") for term in chosen] if exact else list(chosen)
+        key = (tuple(targets), tuple(chosen))
         if key not in self._variants or self._variants[key].is_outgrown:
-            exact = [replace(term, projection="none") for term in self._energies]
-            self._variants[key] = self._compile_for(exact, targets, [], None)
+            self._variants[key] = self._compile_for(chosen, targets, [], None)
         return self._variants[key]
 
     @one_thread_at_a_time
@@ -482,7 +546,7 @@ class Scene(SceneNames, Entity):
         else:
             from yasps.frontend.execution.cuda_scene import CudaScene
 
-            compiled = CudaScene(request, self.device, deterministic=self._deterministic)
+            compiled = CudaScene(request, self.device, lambda: self.runtime, deterministic=self._deterministic)
         self._alive.add(compiled)
         return compiled
 
@@ -581,7 +645,7 @@ class Scene(SceneNames, Entity):
             compiled.connectivity_changed(connectivity)
 
     def size_changed(self, primitive: PrimitiveBase) -> None:
-        """A dynamic primitive has another number of instances."""
+        """A primitive or union has another number of instances."""
         for compiled in self._alive:
             compiled.size_changed(primitive)
 

@@ -12,7 +12,18 @@ import pytest
 
 ROOT = Path(__file__).parents[1]
 COMPILER = ("dialects", "passes", "runtime", "backend", "frontend")
-KIT = ("materials", "meshes", "output", "contact", "parameterisations", "bodies", "stepping", "simulation", "program")
+KIT = (
+    "materials",
+    "meshes",
+    "output",
+    "contact",
+    "parameterisations",
+    "bodies",
+    "stepping",
+    "simulation",
+    "program",
+    "bridges",
+)
 MAY_IMPORT = {
     "dialects": set[str](),
     "runtime": set[str](),
@@ -39,6 +50,7 @@ KIT_ROOMS = {
     "stepping": {"materials", "contact", "output"},
     "simulation": {"materials", "meshes", "output", "contact", "bodies", "stepping"},
     "program": {"output", "stepping", "simulation"},
+    "bridges": set(),
 }
 INSIDE = {
     "yasps.frontend.language.arrays",  # checks of arguments, with the messages that all of yasps has

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import importlib.util
 import re
+from itertools import pairwise
 from pathlib import Path
 from types import ModuleType
 from typing import Any
@@ -30,6 +31,7 @@ from yasps.stepping import BDF2
 
 ROOT = Path(__file__).parents[1]
 ARCHITECTURE = ROOT / "docs" / "architecture.md"
+BRIDGES = ROOT / "docs" / "bridges.md"
 LANGUAGE = ROOT / "docs" / "language.md"
 GPU = ROOT / "docs" / "gpu.md"
 STEPPING = ROOT / "docs" / "contact-and-stepping.md"
@@ -255,6 +257,18 @@ def test_variable_arity_is_as_described() -> None:
     assert ring.indices.tolist() == [[1, -1], [0, 2], [1, -1]]
 
 
+def test_primitives_that_belong_together_are_resized() -> None:
+    scene = Scene("mesh")
+    mesh = scene.add_mesh("mesh")
+    vertices, triangles = mesh.add_primitive("vertices", 4), mesh.add_primitive("triangles", 2)
+    names = {"position": vertices.add_attribute("position", 3, 1), "mass": vertices.add_constant("mass", 1, 1)}
+    parts = {"corners": triangles.add_connectivity("corners", vertices, [[0, 1, 2], [0, 2, 3]], 3)}
+    data = {"x": np.ones((5, 3)), "m": np.ones(5), "t": [[0, 1, 4], [1, 2, 4], [2, 3, 4], [3, 0, 4]]}
+    exec(snippet("resize"), {"scene": scene, "vertices": vertices, "triangles": triangles} | names | parts | data)
+    assert vertices.num_instances == 5
+    assert parts["corners"].indices.tolist() == [[0, 1, 2], [0, 2, 3]]
+
+
 def test_parts_of_a_dynamic_primitive_are_set_together() -> None:
     scene = Scene("pairs")
     mesh = scene.add_mesh("mesh")
@@ -308,6 +322,39 @@ def test_the_results_of_the_document(capsys: pytest.CaptureFixture[str]) -> None
     assert capsys.readouterr().out == "[0.   0.01 0.02 0.03] ['die', 'ground']\n"
 
 
+def test_the_bridges_of_the_document(capsys: pytest.CaptureFixture[str]) -> None:
+    code, *_ = blocks(BRIDGES, "python")
+    names: dict[str, Any] = {}
+    exec(code, names)
+    assert capsys.readouterr().out == "[[0.3121, -0.0243, 0.0], [0.6879, -0.0243, 0.0]]\n"
+    np.testing.assert_allclose(names["scene"].compile_for(names["position"]).assemble(hessian=False), 0.0, atol=1e-6)
+
+
+def test_the_bridge_to_jax_of_the_document() -> None:
+    """Newton's method converges quadratically."""
+    jax = pytest.importorskip("jax", reason="pip install 'yasps[jax]'")
+    before = jax.config.jax_enable_x64
+    names: dict[str, Any] = {}
+    try:
+        for code in blocks(BRIDGES, "python")[:2]:
+            exec(code, names)
+    finally:
+        jax.config.update("jax_enable_x64", before)
+    first, *_, last = slopes = names["slopes"]
+    assert first > 1e-2
+    assert last < 1e-12
+    assert all(b < 10 * a**2 for a, b in pairwise(slopes) if a > 1e-7)
+
+
+def test_the_bridge_to_torch_of_the_document(capsys: pytest.CaptureFixture[str]) -> None:
+    pytest.importorskip("torch", reason="pip install 'yasps[torch]'")
+    names: dict[str, Any] = {}
+    scipy_code, _, torch_code = blocks(BRIDGES, "python")
+    exec(scipy_code, names)
+    exec(torch_code, names)
+    assert "torch.Size([3, 1, 1])" in capsys.readouterr().out
+
+
 def test_every_energy_has_its_line() -> None:
     """In docs/parts.md, with its width and time as `python -m benchmarks parts` prints them."""
     text = PARTS.read_text(encoding="utf-8")
@@ -322,9 +369,10 @@ def test_every_python_block_is_run() -> None:
     run = {
         "README.md": 1,
         "architecture.md": 1,
+        "bridges.md": 3,
         "contact-and-stepping.md": 6,
         "gpu.md": 1,
-        "language.md": 6,
+        "language.md": 7,
         "parameterisations.md": 1,
         "parts.md": 1,
         "results.md": 1,

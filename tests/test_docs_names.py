@@ -24,6 +24,7 @@ import yasps
 import yasps.runtime.build.toolchain
 import yasps.runtime.device.gpu
 from yasps import {public}
+import yasps.bridges.jax, yasps.bridges.scipy, yasps.bridges.torch
 import yasps.backend, yasps.dialects, yasps.examples, yasps.frontend, yasps.passes
 from yasps import Solution
 from yasps.backend.reference.interpreter import Interpreter

@@ -201,9 +201,9 @@ class CompiledScene(InScene, ABC):
         """For a state that goes on elsewhere."""
 
     @property
+    @abstractmethod
     def preconditioner_choice(self) -> PreconditionerChoice:
-        """What preconditioner="auto" has learned; nothing, whatever is set, on a device without a choice."""
-        return PreconditionerChoice()
+        """What preconditioner="auto" has learned."""
 
     # -- code ----------------------------------------------------------------------------------------------
 
@@ -315,6 +315,13 @@ class CompiledScene(InScene, ABC):
             {symbol: c.indices for symbol, c in self.emitter.connected.items()},
             {symbol: owner.num_instances for symbol, owner in self.emitter.owners.items()},
         )
+
+    def read_beside_targets(self) -> list[tuple[object, int]]:
+        """All that the code reads but the targets: each array or list of indices, and how often it was set in place.
+        What was not set since is the same object and number."""
+        stored = [attribute.node for attribute in self.emitter.stored.values() if attribute not in self.targets]
+        arrays = [(node.array, node.version) for node in stored if isinstance(node, Stored)]
+        return [*arrays, *((connected.stored_indices, 0) for connected in self.emitter.connected.values())]
 
     def _array_of(self, binding: Binding) -> NDArray[Any]:
         """The array on the host that a kernel reads."""

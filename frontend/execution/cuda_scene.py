@@ -7,7 +7,7 @@ derivatives, assembly and the solver's vectors never leave the device.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -28,13 +28,14 @@ from yasps.frontend.language.nodes import FloatArray, Stored
 from yasps.frontend.language.scene_lock import one_thread_at_a_time
 from yasps.runtime.assembly.cuda.gradient import CudaGradient
 from yasps.runtime.assembly.cuda.sum import DeviceSum
+from yasps.runtime.core.library import Runtime
 from yasps.runtime.device.foreign_arrays import DeviceIndices
 from yasps.runtime.device.protocol import Device, DeviceArray
 from yasps.runtime.matrix.block_matrix import BlockGroup
 from yasps.runtime.matrix.cuda.block_matrix import BuildScratch, CudaBlockMatrix
 from yasps.runtime.solvers.cuda.pcg import CudaSolver
 from yasps.runtime.solvers.options import SolveOptions
-from yasps.runtime.solvers.pcg import SolveReport
+from yasps.runtime.solvers.pcg import PreconditionerChoice, SolveReport
 
 
 @dataclass
@@ -63,12 +64,21 @@ class _Placement:
 class CudaScene(CompiledScene):
     """A compiled scene on a device."""
 
-    def __init__(self, request: CompileRequest, device: Device, *, deterministic: bool = False) -> None:
+    def __init__(
+        self, request: CompileRequest, device: Device, runtime: Callable[[], Runtime], *, deterministic: bool = False
+    ) -> None:
+        """runtime: gives the CPU's, which the coarse space's aggregates are found by."""
         self.device = device
+        self._runtime = runtime
         self._deterministic = deterministic
         self._mirrors: dict[Binding, _Mirror] = {}
         self._placements: dict[str, _Placement] = {}
         super().__init__(request)
+
+    @property
+    def preconditioner_choice(self) -> PreconditionerChoice:
+        """What preconditioner="auto" has learned."""
+        return self._solver.choice
 
     def _key(self) -> Sequence[str]:
         return CUDA_KEY
@@ -92,7 +102,7 @@ class CudaScene(CompiledScene):
         self._outcomes = DeviceArray(device, np.uint64, "outcomes of derivatives")
         self._values = DeviceArray(device, np.float64, "values of an attribute")
         self._sum = DeviceSum(device, loaded)
-        self._solver = CudaSolver(device, loaded, deterministic=deterministic, scratch=scratch)
+        self._solver = CudaSolver(device, loaded, self._runtime, deterministic=deterministic, scratch=scratch)
         return self.program.log
 
     # -- the scene's arrays --------------------------------------------------------------------------------
@@ -248,11 +258,6 @@ class CudaScene(CompiledScene):
             raise DataError(
                 "solver='direct' runs on the CPU only: take solver='pcg' or 'auto' (which is 'pcg' on a GPU), or make "
                 "the scene with device='cpu'"
-            )
-        if options.preconditioner == "two-level":
-            raise DataError(
-                "preconditioner='two-level' runs on the CPU only: take 'jacobi' or 'auto' (which is 'jacobi' on a "
-                "GPU), or make the scene with device='cpu'"
             )
         parts = [self.static_matrix, self.dynamic_matrix]
         x, report = self._solver.solve(parts, self._right.upload(gradient), options)

@@ -37,6 +37,7 @@ class Connectivity(ConnectivityNames, InScene):
         *,
         arity: int | None = None,
         counts: ArrayLike | None = None,
+        longest: int = 1,
     ) -> None:
         self.name = name
         self.source = source
@@ -45,8 +46,8 @@ class Connectivity(ConnectivityNames, InScene):
         self.needs_neighbours = False
         """Is some mean taken through it? Then no instance may be connected to nothing."""
         self.arity = arity if arity is not None else 1
-        self.compiled_arity = 1
-        """The longest row that code was compiled for; rows of a variable arity never get shorter than that."""
+        self.compiled_arity = longest
+        """The longest row that code was compiled for, or will be; rows of a variable arity never get shorter."""
         self._fits: tuple[IntArray, int] | None = None  # indices and the number of target instances they fit
         self._indices: IntArray | DeviceIndices
         if counts is not None:
@@ -54,7 +55,7 @@ class Connectivity(ConnectivityNames, InScene):
         else:
             self._indices = self._checked_on_device(indices) if is_on_device(indices) else self._checked(indices)
         if self.is_variable:
-            self.arity = self._indices.shape[1]
+            self._take_rows(self._indices)
 
     @property
     def _lock(self) -> SceneLock:
@@ -116,14 +117,18 @@ class Connectivity(ConnectivityNames, InScene):
         return self._checked_variable(*value)
 
     def _replace(self, checked: IntArray | DeviceIndices) -> None:
+        self._take_rows(checked)
+        if self.source.follows_data:
+            self.source.set_num_instances(len(checked))
+        self.source.scene.connectivity_changed(self)
+
+    def _take_rows(self, checked: IntArray | DeviceIndices) -> None:
+        """Keeps them; of a variable arity, as long as code expects."""
         if self.is_variable:
             assert isinstance(checked, np.ndarray)
             self.arity = max(self.compiled_arity, checked.shape[1])
             checked = _filled_up(checked, self.arity)
         self._indices = checked
-        if self.source.follows_data:
-            self.source.set_num_instances(len(checked))
-        self.source.scene.connectivity_changed(self)
 
     def _checked_on_device(self, value: object) -> DeviceIndices:
         """Indices of an array on a device, but for their range."""

@@ -73,7 +73,10 @@ class Entity(EntityNames, InScene, abc.ABC):
     def set_num_instances(self, count: int) -> None:
         """Notes the new number of instances of a dynamic primitive; raises SceneError for a change of anything else."""
         if count != self.num_instances:
-            raise SceneError(f"{self.label} has a fixed number of instances, {self.num_instances}; got {count}")
+            raise SceneError(
+                f"{self.label} has {self.num_instances} instances, whatever its data are; got {count}; only "
+                "resize(...) of a primitive changes that"
+            )
 
     @property
     def path(self) -> str:

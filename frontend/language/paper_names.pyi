@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy import sparse
 
-from yasps.frontend.execution.compiled_scene import CompileReport
+from yasps.frontend.execution.compiled_scene import CompiledScene, CompileReport
 from yasps.frontend.language.attribute import Attribute
 from yasps.frontend.language.connectivity import Connectivity, IntArray
 from yasps.frontend.language.entity import Entity
@@ -124,12 +124,13 @@ class PrimitiveBaseNames:
         arity: int | None = None,
         *,
         counts: ArrayLike | None = None,
+        longest: int = 1,
     ) -> Connectivity:
         """Connects each instance to `arity` instances of `target` (0-based; paper, 4.4).
 
         indices: instances x arity of them, flat or in rows; empty for a dynamic primitive until it is known.
         counts: instead of arity, how many of the (flat) indices each instance has; JOINs through such a connectivity of
-        variable arity are sums or means (`operation`).
+        variable arity are sums or means (`operation`). longest: how many they may get later without a compile.
         Raises ConnectivityError for a wrong count, type, arity or range; NameTakenError.
         """
 
@@ -226,6 +227,23 @@ class SceneNames:
         Raises SceneError for computed, foreign or repeated attributes, or without energies.
         """
 
+    def compileFor(
+        self,
+        inputs: Attribute | Sequence[Attribute],
+        *,
+        energies: Sequence[Attribute] | None = None,
+        projected: bool = False,
+    ) -> CompiledScene:
+        """The sum of some energies compiled for derivatives with respect to these stored attributes, of add_attribute
+        or add_constant, whichever the minimisation targets are; kept with the scene.
+
+        energies: 1x1 attributes, registered or not; default all that are registered. projected: negative eigenvalues
+        of the local Hessians are removed as the energies were registered, of others by "clamp"; else they are exact.
+
+        Raises SceneError for computed, foreign or repeated inputs, foreign or repeated energies, or without any;
+        ShapeMismatchError for an energy that isn't 1x1.
+        """
+
     def totalEnergy(self) -> float:
         """Sum of all energies over all their instances; infinite or NaN where one is."""
 
@@ -260,4 +278,4 @@ class SceneNames:
         """Indices changed: derivatives go elsewhere."""
 
     def sizeChanged(self, primitive: PrimitiveBase) -> None:
-        """A dynamic primitive has another number of instances."""
+        """A primitive or union has another number of instances."""

@@ -51,12 +51,13 @@ class PrimitiveBase(PrimitiveBaseNames, Entity):
         arity: int | None = None,
         *,
         counts: ArrayLike | None = None,
+        longest: int = 1,
     ) -> Connectivity:
         """Connects each instance to `arity` instances of `target` (0-based; paper, 4.4).
 
         indices: instances x arity of them, flat or in rows; empty for a dynamic primitive until it is known.
         counts: instead of arity, how many of the (flat) indices each instance has; JOINs through such a connectivity of
-        variable arity are sums or means (`operation`).
+        variable arity are sums or means (`operation`). longest: how many they may get later without a compile.
         Raises ConnectivityError for a wrong count, type, arity or range; NameTakenError.
         """
         self.check_child_name(name, "a connectivity")
@@ -70,7 +71,12 @@ class PrimitiveBase(PrimitiveBaseNames, Entity):
             raise ConnectivityError(f"{self.label}, connectivity {name!r}: give either arity or counts")
         if arity is not None:
             arity = checked_count(arity, f"{self.label}, connectivity {name!r}: arity", 1, ConnectivityError)
-        connectivity = Connectivity(name, self, target, indices, arity=arity, counts=counts)
+        longest = checked_count(longest, f"{self.label}, connectivity {name!r}: longest", 1, ConnectivityError)
+        if arity is not None and longest > 1:
+            raise ConnectivityError(
+                f"{self.label}, connectivity {name!r}: longest is for rows that are given by counts"
+            )
+        connectivity = Connectivity(name, self, target, indices, arity=arity, counts=counts, longest=longest)
         if self.follows_data and len(connectivity.indices) != self.num_instances:
             if any(len(other.indices) for other in self.connectivities.values()):
                 raise ConnectivityError(
@@ -96,7 +102,8 @@ class PrimitiveBase(PrimitiveBaseNames, Entity):
 
 @both_spellings
 class Primitive(PrimitiveNames, PrimitiveBase):
-    """A collection of instances. A dynamic one may change their number, e.g. contact pairs."""
+    """A collection of instances. Of a dynamic one their number follows from its data, e.g. contact pairs; that of any
+    other changes by `resize` alone."""
 
     _kind = "primitive"
 
@@ -140,19 +147,14 @@ class Primitive(PrimitiveNames, PrimitiveBase):
         numbers: dict[Stored, FloatArray] = {}
         counts: dict[str, int] = {}
         for name, value in parts.items():
-            if name in self.connectivities:
-                connectivity = self.connectivities[name]
-                indices[connectivity] = connectivity.checked_parts(value)
-                counts[name] = len(indices[connectivity])
-            elif name in self.attributes and isinstance(self.attributes[name].node, Stored):
-                attribute = self.attributes[name]
-                node = attribute.node
-                assert isinstance(node, Stored)
-                numbers[node] = attribute._checked_values(value).copy()
-                counts[name] = len(numbers[node])
+            part = self._settable(name)
+            if isinstance(part, Connectivity):
+                indices[part] = part.checked_parts(value)
+                counts[name] = len(indices[part])
             else:
-                known = ", ".join(self._counts_without({})) or "none"
-                raise SceneError(f"{self.label} has no connectivity or stored attribute {name!r}; it has {known}")
+                assert isinstance(part.node, Stored)
+                numbers[part.node] = part._checked_values(value).copy()
+                counts[name] = len(numbers[part.node])
         if not counts:
             return
         count = next(iter(counts.values()))
@@ -170,6 +172,23 @@ class Primitive(PrimitiveNames, PrimitiveBase):
             node.array = array
         self.set_num_instances(count)
         self.scene.arrays_moved(self)
+
+    @one_thread_at_a_time
+    def resize(self, count: int, /, **parts: Any) -> None:
+        """Another number of instances, with the data of all stored attributes and connectivities, by name.
+
+        See `Scene.resize`, which changes several primitives that belong together, and what leads to them.
+        """
+        self.scene.resize({self: count}, {self._settable(name): value for name, value in parts.items()})
+
+    def _settable(self, name: str) -> Attribute | Connectivity:
+        """The connectivity or stored attribute of this name. Raises SceneError."""
+        if name in self.connectivities:
+            return self.connectivities[name]
+        if name in self.attributes and isinstance(self.attributes[name].node, Stored):
+            return self.attributes[name]
+        known = ", ".join(self._counts_without({})) or "none"
+        raise SceneError(f"{self.label} has no connectivity or stored attribute {name!r}; it has {known}")
 
     def _counts_without(self, parts: dict[str, Any]) -> dict[str, int]:
         """Instances that each part not named here has numbers for."""

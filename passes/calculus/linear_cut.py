@@ -6,6 +6,7 @@ If E = phi(L x + c) with L free of the targets, phi's Hessian may be projected i
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -30,6 +31,23 @@ def used_nonlinearly(dependence: DependenceMap) -> list[SSAValue]:
             bent.update(op.operands)
     operands = dict.fromkeys(operand for op in bending for operand in op.operands)
     return [value for value in operands if value in bent and dependence[value] is Dependence.AFFINE]
+
+
+def sees_beside(values: Sequence[SSAValue], cut: Sequence[SSAValue], inputs: Sequence[SSAValue]) -> bool:
+    """Whether values read inputs on a way that goes through no value of the cut: building operations looks through some
+    that undo each other, and so may get to what lies before the cut."""
+    seen = set(cut)
+    stack = [value for value in values if value not in seen]
+    while stack:
+        value = stack.pop()
+        if value in seen:
+            continue
+        seen.add(value)
+        if value in inputs:
+            return True
+        if isinstance(value.owner, MatOp) and not value.owner.HELD_CONSTANT:
+            stack.extend(value.owner.operands)
+    return False
 
 
 def linear_cut(dependence: DependenceMap, inputs: list[SSAValue]) -> list[SSAValue]:

@@ -44,7 +44,7 @@ from yasps.passes.analysis.names import value_name
 from yasps.passes.analysis.reach import Reach
 from yasps.passes.bodies import BodyBuilder, containers, inline_body, is_union, source_of
 from yasps.passes.calculus.derivatives import directional, jacobian, pull_back, stacked
-from yasps.passes.calculus.linear_cut import constant_map, linear_cut
+from yasps.passes.calculus.linear_cut import constant_map, linear_cut, sees_beside
 from yasps.passes.errors import working_on
 
 
@@ -134,6 +134,10 @@ class _Differentiation:
         values = cut if constant is None else constant.values
         gradients = pull_back(b, dependence, {value: one}, values)
         listed = [gradients.get(v, b.zeros(shape_of(v))) for v in values]
+        if sees_beside(listed, values, inputs):  # phi's derivatives would miss that
+            constant, cut, values = None, inputs, inputs
+            gradients = pull_back(b, dependence, {value: one}, values)
+            listed = [gradients.get(v, b.zeros(shape_of(v))) for v in values]
         if constant is None:
             symmetric = named(jacobian(b, listed, cut), "hessian_of_cut")
             return named(b.congruence(symmetric, jacobian(b, cut, inputs)), "hessian"), cut

@@ -76,6 +76,7 @@ _SIGNATURES: dict[str, tuple[type | None, tuple[type, ...]]] = {
     "yasps_structure_groups": (None, (_pointer, _pointer)),
     "yasps_structure_coordinates": (None, (_pointer, _pointer, _pointer)),
     "yasps_aggregates": (_int, (_pointer, _pointer)),
+    "yasps_aggregates_of": (_int, (_long, _pointer, _long, _pointer, _pointer, _long, _pointer)),
     "yasps_workspace_new": (_pointer, ()),
     "yasps_workspace_free": (None, (_pointer,)),
     "yasps_multiply": (_int, (_pointer, _pointer, _pointer, _pointer, _pointer, _int, _int)),

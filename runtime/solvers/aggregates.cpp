@@ -16,23 +16,29 @@ constexpr long kMostUnknowns = 1000;
 // So few unknowns of one size, of affine bodies or joints, are all in the coarse space by themselves.
 constexpr long kFewUnknowns = 192;
 
+// What aggregates follow from: the sizes of the dof blocks, and which pairs of them a matrix has blocks for.
+struct Couplings {
+    long blocks;
+    const int* size;  // [blocks]: scalars
+    long pairs;
+    const int *row, *col;  // [pairs]: dof blocks
+    long values;           // numbers of the matrix
+};
+
 // The other blocks of the same size that each one is coupled with.
 struct Neighbours {
     Buffer<long> start;  // [blocks + 1]
     Buffer<int> other;
 
-    bool find(const Structure& s) {
-        const Layout& layout = s.layout;
-        const auto couples = [&](long k) {
-            return s.row[k] != s.col[k] && layout.size[s.row[k]] == layout.size[s.col[k]];
-        };
-        if (!start.reserve(layout.blocks + 2) || !other.reserve(2 * s.blocks)) return false;
+    bool find(const Couplings& s) {
+        const auto couples = [&](long k) { return s.row[k] != s.col[k] && s.size[s.row[k]] == s.size[s.col[k]]; };
+        if (!start.reserve(s.blocks + 2) || !other.reserve(2 * s.pairs)) return false;
         long* const next = start.data + 1;  // of block b: behind what was found of it
-        std::fill_n(start.data, layout.blocks + 2, 0L);
-        for (long k = 0; k < s.blocks; ++k)
+        std::fill_n(start.data, s.blocks + 2, 0L);
+        for (long k = 0; k < s.pairs; ++k)
             if (couples(k)) ++start[s.row[k] + 2], ++start[s.col[k] + 2];
-        for (long b = 0; b < layout.blocks; ++b) start[b + 2] += start[b + 1];
-        for (long k = 0; k < s.blocks; ++k) {
+        for (long b = 0; b < s.blocks; ++b) start[b + 2] += start[b + 1];
+        for (long k = 0; k < s.pairs; ++k) {
             if (!couples(k)) continue;
             other[next[s.row[k]]++] = s.col[k];
             other[next[s.col[k]]++] = s.row[k];
@@ -42,7 +48,7 @@ struct Neighbours {
 };
 
 struct Growth {
-    const Structure& s;
+    const Couplings& s;
     const Neighbours& neighbours;
     Aggregates& found;
     Buffer<int> members;  // of the aggregate that grows, in the order of the search
@@ -91,7 +97,7 @@ struct Growth {
             if (owner >= 0) {
                 found.weight[owner] += static_cast<int>(taken);
             } else {
-                found.width[found.count] = s.layout.size[seed];
+                found.width[found.count] = s.size[seed];
                 found.weight[found.count++] = static_cast<int>(taken);
             }
         }
@@ -128,31 +134,28 @@ long unknowns_of(const Aggregates& found) {
     return sum;
 }
 
-}  // namespace
-
-bool find_aggregates(const Structure& s) {
-    Aggregates& found = s.aggregates;
-    if (found.known) return true;
-    const Layout& layout = s.layout;
-    const long blocks = layout.blocks;
+bool find(Aggregates& found, const Couplings& s) {
+    const long blocks = s.blocks;
+    const int largest = blocks ? *std::max_element(s.size, s.size + blocks) : 0;
     Neighbours neighbours;
     Growth growth = {s, neighbours, found, {}, {}};
-    Buffer<long> unknowns_of_class;
+    Buffer<long> unknowns_of_size;
     const bool room = neighbours.find(s) && growth.members.reserve(blocks) &&
                       growth.seeds.reserve(blocks + neighbours.start[blocks]) && found.of.reserve(blocks) &&
                       found.width.reserve(blocks) && found.weight.reserve(blocks) &&
-                      unknowns_of_class.reserve(layout.classes);
+                      unknowns_of_size.reserve(largest + 1);
     if (!room) return false;
-    std::fill_n(unknowns_of_class.data, layout.classes, 0L);
-    for (long b = 0; b < blocks; ++b) unknowns_of_class[layout.class_of[b]] += layout.size[b];
+    long scalars = 0;
+    std::fill_n(unknowns_of_size.data, largest + 1, 0L);
+    for (long b = 0; b < blocks; ++b) unknowns_of_size[s.size[b]] += s.size[b], scalars += s.size[b];
     // Larger aggregates until they are few enough, or one for each body.
     const double wanted = sqrt(kShare * static_cast<double>(s.values));
-    for (long most = 1 + static_cast<long>(static_cast<double>(layout.scalars) / (wanted + 1));; most *= 2) {
+    for (long most = 1 + static_cast<long>(static_cast<double>(scalars) / (wanted + 1));; most *= 2) {
         found.count = 0;
         std::fill_n(found.of.data, blocks, -1);
         for (long b = 0; b < blocks; ++b)
             if (found.of[b] < 0)
-                growth.grow_body(static_cast<int>(b), unknowns_of_class[layout.class_of[b]] > kFewUnknowns ? most : 1);
+                growth.grow_body(static_cast<int>(b), unknowns_of_size[s.size[b]] > kFewUnknowns ? most : 1);
         if (unknowns_of(found) <= kMostUnknowns) break;
         if (most >= blocks) {
             if (!drop_smallest(found, blocks)) return false;
@@ -173,6 +176,13 @@ bool find_aggregates(const Structure& s) {
     return true;
 }
 
+}  // namespace
+
+bool find_aggregates(const Structure& s) {
+    if (s.aggregates.known) return true;
+    return find(s.aggregates, {s.layout.blocks, s.layout.size.data, s.blocks, s.row.data, s.col.data, s.values});
+}
+
 }  // namespace yasps
 
 extern "C" {
@@ -183,6 +193,16 @@ int yasps_aggregates(const yasps::Structure* s, int* of) {
     const yasps::Layout& layout = s->layout;
     for (long b = 0; b < layout.blocks; ++b)
         for (int i = 0; i < layout.size[b]; ++i) of[layout.start[b] + i] = s->aggregates.of[b];
+    return yasps::kOk;
+}
+
+// For a matrix that is not here, as that of a GPU: of[b] is the aggregate of dof block b, or -1. size [blocks]: scalars
+// of each; row, col [pairs]: dof blocks that the matrix has a block for; values: its numbers.
+int yasps_aggregates_of(long blocks, const int* size, long pairs, const int* row, const int* col, long values,
+                        int* of) {
+    yasps::Aggregates found;
+    if (!yasps::find(found, {blocks, size, pairs, row, col, values})) return yasps::kOutOfMemory;
+    for (long b = 0; b < blocks; ++b) of[b] = found.of[b];
     return yasps::kOk;
 }
 }

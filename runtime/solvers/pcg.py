@@ -18,6 +18,7 @@ from yasps.runtime.matrix.block_matrix import BlockMatrix
 from yasps.runtime.solvers.options import DEFAULTS, SolveOptions
 
 LOGGER = logging.getLogger("yasps")
+COARSE_BROKE_DOWN = "the coarse matrix of a linear system is not positive definite: block Jacobi goes on alone"
 
 
 class StopReason(Enum):
@@ -260,9 +261,7 @@ class PcgSolver(Uncopied):
             report = report_of(result.reason, result.iterations, result.relative_residual, result.block, history)
             report = replace(report, two_level=result.coarse > 0, coarse_broke_down=result.coarse < 0)
             if report.coarse_broke_down:
-                LOGGER.warning(
-                    "the coarse matrix of a linear system is not positive definite: block Jacobi goes on alone"
-                )
+                LOGGER.warning(COARSE_BROKE_DOWN)
             return x, report
 
         return self.choice.solve(options, parts[0], run)

@@ -63,6 +63,10 @@ def test_a_large_deterministic_scene_gives_the_same_bits(place: Place) -> None:
     device_checks.check_every_run_is_the_same(lambda: make().scene, place.open_device)
 
 
+def test_two_levels_agree(place: Place) -> None:
+    device_checks.check_two_levels(lambda: device_checks.block(place.cells).scene, place.open_device())
+
+
 def test_time_steps_agree(place: Place) -> None:
     device_checks.check_steps(place.cells // 2, place.open_device())
 

@@ -126,6 +126,15 @@ def check_every_run_is_the_same(make: MakeScene, open_device: OpenDevice) -> Non
             assert first.tobytes() == again.tobytes()
 
 
+def check_two_levels(make: MakeScene, device: Device) -> None:
+    """The coarse space gives the solution that it gives on the CPU."""
+    cpu, other = make(), on_device(make(), device)
+    theirs, ours = (scene.solve(LINEAR_TOLERANCE, preconditioner="two-level") for scene in (other, cpu))
+    assert theirs.report.two_level
+    assert ours.report.two_level
+    _check_solutions(theirs, ours)
+
+
 def _bits(scene: Scene) -> list[Array]:
     solution = scene.solve(LINEAR_TOLERANCE, 50)
     hessian = scene.hessian().to_scipy()

@@ -17,7 +17,7 @@ from yasps.runtime.matrix.block_matrix import BlockMatrix
 from yasps.runtime.matrix.cuda.block_matrix import CudaBlockMatrix
 from yasps.runtime.solvers.cuda.pcg import CudaSolver
 
-SOURCES = ("structure", "multiply", "gathered_multiply", "preconditioner", "pcg")
+SOURCES = ("structure", "multiply", "gathered_multiply", "preconditioner", "coarse_space", "pcg")
 
 
 class CountingDevice(HostDevice):
@@ -75,12 +75,16 @@ class Maker:
 
     def __init__(self, runtime: Runtime, program: HostProgram, device: CountingDevice | None = None) -> None:
         self.device = device or CountingDevice()
-        self._runtime, self.program = runtime, program
+        self.runtime, self.program = runtime, program
 
     def solver(self, deterministic: bool = False, iterations_per_check: int = 8) -> CudaSolver:
         """A new solver for the same device."""
         return CudaSolver(
-            self.device, self.program, deterministic=deterministic, iterations_per_check=iterations_per_check
+            self.device,
+            self.program,
+            lambda: self.runtime,
+            deterministic=deterministic,
+            iterations_per_check=iterations_per_check,
         )
 
     def empty(self, dtype: type = np.float64) -> DeviceArray:
@@ -98,7 +102,7 @@ class Maker:
     def random(self, scene: Any, *, parts: int = 2, definite: bool = True, seed: int = 0) -> System:
         """A system with the structure of a scene, its values random."""
         cut = 2 if parts == 2 else len(scene.kappas)
-        cpu = [BlockMatrix(self._runtime, with_diagonal=k == 0) for k in range(parts)]
+        cpu = [BlockMatrix(self.runtime, with_diagonal=k == 0) for k in range(parts)]
         both = [CudaBlockMatrix(self.device, self.program, with_diagonal=k == 0) for k in range(parts)]
         system = self.build(System(self.device, cpu, both), scene, cut)
         self.fill(system, definite=definite, seed=seed)
@@ -125,7 +129,7 @@ class Maker:
 
     def of_scalars(self, values: list[float]) -> System:
         """A 2 x 2 matrix [a, b; b, c]."""
-        system = System(self.device, [BlockMatrix(self._runtime)], [CudaBlockMatrix(self.device, self.program)])
+        system = System(self.device, [BlockMatrix(self.runtime)], [CudaBlockMatrix(self.device, self.program)])
         self.build(system, Structure((2,), (1,), [np.array([[1, 2]], np.int32)]), 1)
         system.cpu[0].values[:] = values
         system.send_values()

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from areas import (
     assembly,
+    bridges,
     contact,
     device,
     kernels,
@@ -38,5 +39,6 @@ AREAS: dict[str, tuple[Mutation, ...]] = {
     "contact": contact.MUTATIONS,
     "read-out": read_out.MUTATIONS,
     "results": results.MUTATIONS,
+    "bridges": bridges.MUTATIONS,
     "states": states.MUTATIONS,
 }

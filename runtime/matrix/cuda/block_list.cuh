@@ -17,6 +17,13 @@ struct yasps_block_list {
     long unused;
 };
 
+// The list with block i of all, lists in the order of their blocks.
+__device__ __forceinline__ const yasps_block_list& list_of(const yasps_block_list* lists, long count, long i) {
+    long l = count - 1;
+    while (lists[l].before > i) --l;
+    return lists[l];
+}
+
 // What a solver's reason to stop is as long as there is none: products are computed only then.
 constexpr long kRunning = -1;
 

@@ -311,9 +311,13 @@ class CudaBlockMatrix:
         for array in (self._rows, self._cols, self.diagonal, self.values, self._contributions, self._first_entry):
             array.resize(0)
 
+    def download_coordinates(self) -> tuple[IntArray, IntArray]:
+        """Scalar offsets of each block's first row and column on the host, int32 [block_count] each."""
+        return self._rows.download(), self._cols.download()
+
     def download_groups(self) -> list[BlockGroup]:
         """The blocks on the host: a copy, after all work asked for before."""
-        rows, cols, values = self._rows.download(), self._cols.download(), self.values.download()
+        (rows, cols), values = self.download_coordinates(), self.values.download()
         groups = []
         for group in self.groups:
             part = slice(group.first_block, group.first_block + group.count)

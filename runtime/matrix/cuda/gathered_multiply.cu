@@ -18,10 +18,9 @@ extern "C" __global__ void __launch_bounds__(kThreads)
                       unsigned* ids) {
     const long i = thread_of_grid();
     if (i >= total) return;
-    long l = list_count - 1;
-    while (lists[l].before > i) --l;
-    const long b = i - lists[l].before;
-    const int row = lists[l].rows[b], col = lists[l].cols[b];
+    const yasps_block_list& list = list_of(lists, list_count, i);
+    const long b = i - list.before;
+    const int row = list.rows[b], col = list.cols[b];
     keys[2 * i] = (unsigned long)row;
     keys[2 * i + 1] = row == col ? (unsigned long)none : (unsigned long)col;
     ids[2 * i] = (unsigned)(2 * i);
@@ -42,12 +41,11 @@ extern "C" __global__ void __launch_bounds__(kThreads)
     if (i == 2 * total - 1 || (long)keys[i + 1] != key) bounds[none + key] = i + 1;
     const long source = ids[i] / 2;
     const int transposed = (int)(ids[i] % 2);
-    long l = list_count - 1;
-    while (lists[l].before > source) --l;
-    const long b = source - lists[l].before;
-    const int row = lists[l].rows[b], col = lists[l].cols[b];
+    const yasps_block_list& list = list_of(lists, list_count, source);
+    const long b = source - list.before;
+    const int row = list.rows[b], col = list.cols[b];
     const int r = block_size_at[row], c = block_size_at[col];
-    entries[i].block = lists[l].values + b * r * c;
+    entries[i].block = list.values + b * r * c;
     entries[i].other = transposed ? row : col;
     entries[i].shape = 2 * (transposed ? r : c) + transposed;
 }

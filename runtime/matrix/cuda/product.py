@@ -60,8 +60,11 @@ class _Shape:
     chunks: int
 
 
-class _BlockLists:
-    """The blocks of all matrices as a table on the device, `yasps_block_list` in block_list.cuh, ordered by shape."""
+class BlockLists:
+    """The blocks of some matrices as a table on the device, `yasps_block_list` in block_list.cuh, ordered by shape.
+
+    count: lists. blocks: of all lists.
+    """
 
     def __init__(self, device: Device) -> None:
         self._sent: list[list[int]] = []
@@ -71,7 +74,7 @@ class _BlockLists:
         self.blocks = 0
 
     def send(self, parts: Sequence[CudaBlockMatrix]) -> None:
-        """Writes the table, where it changed."""
+        """Writes the table, where it changed; to be called again whenever a matrix was built."""
         by_shape: dict[tuple[int, int], list[tuple[CudaBlockGroup, int]]] = {}
         for part in parts:
             for group in part.groups:
@@ -105,7 +108,7 @@ class ScatteredProduct:
 
     def __init__(self, device: Device) -> None:
         """Without memory yet."""
-        self._lists = _BlockLists(device)
+        self._lists = BlockLists(device)
 
     def prepare(self, parts: Sequence[CudaBlockMatrix]) -> None:
         """See `Product`."""
@@ -135,7 +138,7 @@ class GatheredProduct:
         """Without memory yet. `scratch`: see `CudaBlockMatrix`."""
         self._device, self._program = device, program
         self._scratch = scratch if scratch is not None else BuildScratch(device)
-        self._lists = _BlockLists(device)
+        self._lists = BlockLists(device)
         self._seen: list[list[CudaBlockGroup]] = []
         self._entries = DeviceArray(device, np.int64, "blocks by row")
         self._bounds = DeviceArray(device, np.int64, "rows of blocks")

@@ -1,13 +1,15 @@
 // Preconditioned conjugate gradients with all scalars on the device (paper, section 8).
 //
-// One iteration, beside the kernels of the product q = H p: yasps_pcg_curvature, yasps_pcg_step, yasps_pcg_direction.
-// All of them do nothing once the state says that the iteration stopped. Sums over all unknowns are left as one number
-// a block, which every block of the next kernel adds up in the same order; so no kernel waits for another, and sums do
-// not depend on which block came first.
+// One iteration, beside the kernels of the product q = H p: yasps_pcg_curvature, yasps_pcg_step, yasps_pcg_direction,
+// and with a coarse space those of coarse_space.cu before the last. M^-1 is D^-1, D the diagonal blocks of H, or that
+// and the coarse space. All of them do nothing once the state says that the iteration stopped. Sums over all unknowns
+// are left as one number a block, which every block of the next kernel adds up in the same order; so no kernel waits
+// for another, and sums do not depend on which block came first.
 //
 // Floor of bytes an iteration, n scalars in dof blocks of q: 16 n (curvature) + 32 n + 8 q n (step, with the inverted
 // diagonal blocks) + 48 n (direction) + 24 n (x read, y read and written by the product) = (120 + 8 q) n, and each
-// block of the matrix once, 8 r c + 8.
+// block of the matrix once, 8 r c + 8. A coarse space of m unknowns adds 16 n (residuals once more, and the unknown of
+// each scalar twice) + 8 m^2.
 #include "solvers/cuda/solver.cuh"
 
 namespace {
@@ -27,7 +29,7 @@ __device__ __forceinline__ long reason_at(double relative, long iteration, const
     if (!is_finite(relative)) return kNotFinite;
     if (relative <= settings->tolerance) return kConverged;
     if (iteration == settings->max_iterations) return kMaxIterations;
-    return kRunning;
+    return settings->pause && iteration == 0 ? kPaused : kRunning;
 }
 
 }  // namespace
@@ -56,7 +58,7 @@ extern "C" __global__ void __launch_bounds__(kThreads, 10)
     if (blockIdx.x == 0) *worst = 0x7fffffffffffffffLL;
 }
 
-// r = g - q and p = M^-1 r. Leaves the shares of g^T M^-1 g and r^T M^-1 r.
+// r = g - q and p = D^-1 r. Leaves the shares of g^T D^-1 g and r^T D^-1 r.
 extern "C" __global__ void __launch_bounds__(kThreads, 8)
     yasps_pcg_start(const double* g, const double* q, const yasps_run* runs, long run_count, const double* inverse,
                     long n, double* r, double* p, double* partial) {
@@ -111,7 +113,7 @@ extern "C" __global__ void __launch_bounds__(kThreads, 10)
     if (threadIdx.x == 0) partial[blockIdx.x] = sum;
 }
 
-// r' = r - step q and z = M^-1 r', with the step that curvature's shares give. Leaves the shares of r'^T z. A thread
+// r' = r - step q and z = D^-1 r', with the step that curvature's shares give. Leaves the shares of r'^T z. A thread
 // computes r' of its whole dof block; so r' is another vector than r.
 extern "C" __global__ void __launch_bounds__(kThreads, 8)
     yasps_pcg_step(yasps_pcg_state* now, const double* curvatures, const double* r, const double* q,
@@ -139,27 +141,48 @@ extern "C" __global__ void __launch_bounds__(kThreads, 8)
     if (threadIdx.x == 0) partial[blockIdx.x] = sum;
 }
 
-// x += step p, p = z + mix p, q = 0, and the state before the next iteration.
+// Conjugate gradients begin with the coarse space, after the pause: p = D^-1 r + P y. unknown_of: of each scalar the
+// coarse unknown that moves it, or -1. coarse_partial: the shares of r^T P y.
+extern "C" __global__ void __launch_bounds__(kThreads, 8)
+    yasps_pcg_resume(yasps_pcg_state* state, const double* r, const yasps_run* runs, long run_count,
+                     const double* inverse, long n, const int* unknown_of, const double* y,
+                     const double* coarse_partial, long coarse_count, double* p) {
+    const double product = sum_of(coarse_partial, coarse_count);
+    for (long i = thread_of_grid(); i < n; i += threads_of_grid()) {
+        const double damped = precondition(place_of(runs, run_count, i), inverse, [&](long k) { return r[k]; });
+        p[i] = damped + (unknown_of[i] >= 0 ? y[unknown_of[i]] : 0.0);
+    }
+    if (thread_of_grid() != 0) return;
+    state->squared += product;
+    state->reason = kRunning;
+}
+
+// x += step p, p = z + P y + mix p, q = 0, and the state before the next iteration. unknown_of: as before, or null
+// where there is no coarse space.
 extern "C" __global__ void __launch_bounds__(kThreads, 10)
     yasps_pcg_direction(const yasps_pcg_state* now, yasps_pcg_state* next, const yasps_pcg_settings* settings,
-                        const double* partial, const double* z, long n, double* x, double* p, double* q) {
+                        const double* partial, const double* z, long n, double* x, double* p, double* q,
+                        const int* unknown_of, const double* y, const double* coarse_partial, long coarse_count) {
     yasps_pcg_state s = *now;
     if (s.reason == kRunning) s.reason = s.verdict;
     if (s.reason != kRunning) {
         if (thread_of_grid() == 0) *next = s;
         return;
     }
-    const double squared = sum_of(partial, gridDim.x);
+    const double damped = sum_of(partial, gridDim.x);
+    const double squared = unknown_of != nullptr ? damped + sum_of(coarse_partial, coarse_count) : damped;
     const double mix = squared / s.squared, step = s.step;
     for (long i = thread_of_grid(); i < n; i += threads_of_grid()) {
         const double direction = p[i];
+        double residual = z[i];
+        if (unknown_of != nullptr && unknown_of[i] >= 0) residual += y[unknown_of[i]];
         x[i] += step * direction;
-        p[i] = z[i] + mix * direction;
+        p[i] = residual + mix * direction;
         q[i] = 0;
     }
     if (thread_of_grid() != 0) return;
     s.squared = squared;
-    s.relative = squared / s.reference;
+    s.relative = damped / s.reference;
     s.iteration += 1;
     s.reason = reason_at(s.relative, s.iteration, settings);
     if (settings->history != nullptr) settings->history[s.iteration] = s.relative;

@@ -34,11 +34,6 @@ __device__ __forceinline__ long invert(double* a, Size q) {
     return kConverged;
 }
 
-template <int Q>
-struct Fixed {
-    __device__ __forceinline__ constexpr operator int() const { return Q; }
-};
-
 __device__ __forceinline__ double sum_at(const yasps_diagonal* parts, long count, long block, long k) {
     double sum = 0;
     for (long p = 0; p < count; ++p)

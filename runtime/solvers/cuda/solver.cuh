@@ -25,14 +25,23 @@ struct yasps_run {
     long inverse;  // where their inverted diagonal blocks begin; one row after another, `size` doubles each
 };
 
+// Why the first iteration waits before it begins: for the coarse space.
+constexpr long kPaused = -2;
+
+// A number that the compiler knows.
+template <int Q>
+struct Fixed {
+    __device__ __forceinline__ constexpr operator int() const { return Q; }
+};
+
 // Between two iterations. An iteration reads one and fills the other, so no kernel reads what it writes.
 struct yasps_pcg_state {
-    double squared;    // r^T M^-1 r
-    double reference;  // g^T M^-1 g
-    double relative;   // their ratio
+    double squared;    // r^T M^-1 r, with the coarse space in M where it is used
+    double reference;  // g^T D^-1 g
+    double relative;   // r^T D^-1 r over the reference
     double step;       // of this iteration along the direction, found in its middle
     long iteration;
-    long reason;   // kRunning, or why the iteration stopped
+    long reason;   // kRunning, kPaused, or why the iteration stopped
     long verdict;  // found in the middle of this iteration: kRunning, or why it must stop
     long block;    // first scalar of the dof block to blame, or -1
 };
@@ -41,6 +50,7 @@ struct yasps_pcg_settings {
     double tolerance;
     long max_iterations;
     double* history;  // [max_iterations + 1] or null
+    long pause;       // whether the first iteration waits for the coarse space
 };
 
 // Where scalar i lies: its dof block is the `size` scalars from `first` on, and `inverse` the row of its inverse.

@@ -102,8 +102,6 @@ def test_the_direct_solver_is_not_on_a_device(device: HostDevice) -> None:
         np.testing.assert_allclose(one, other, rtol=1e-12)
     with pytest.raises(DataError, match="solver must be one of pcg, direct, auto, got 'cg'"):
         scene.solve(solver="cg")
-    with pytest.raises(DataError, match=r"preconditioner='two-level' runs on the CPU only: take 'jacobi' or 'auto'"):
-        scene.solve(preconditioner="two-level")
 
 
 # -- memory ------------------------------------------------------------------------------------------------

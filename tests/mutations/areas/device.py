@@ -19,6 +19,8 @@ STRUCTURE, PCG, MULTIPLY = (
     "runtime/solvers/cuda/pcg.cu",
     "runtime/matrix/cuda/multiply.cu",
 )
+TWO_LEVEL = "tests/runtime/solvers/cuda/test_two_level.py"
+COARSE = "runtime/solvers/cuda/coarse_space"
 GATHER, SHARED = "runtime/matrix/cuda/gathered_multiply.cu", "runtime/core/cuda/grid.cuh"
 
 MUTATIONS = (
@@ -338,6 +340,48 @@ MUTATIONS = (
         "for (long i = thread; i < count; i += ",
         "for (long i = thread; i < count; i += count + ",
         ("tests/frontend/execution/test_cuda_scene.py::test_threads_with_a_workspace_take_several_instances",),
+    ),
+    Mutation(
+        "two levels: blocks within an aggregate are added once",
+        f"{COARSE}.cu",
+        "(above == beside && row != col ? kYaspsTwice : 0)",
+        "0",
+        (f"{TWO_LEVEL}::test_inverts_the_coarse_matrix",),
+    ),
+    Mutation(
+        "two levels: turned blocks are not",
+        f"{COARSE}.cu",
+        "(above < beside ? kYaspsTurned : 0)",
+        "0",
+        (f"{TWO_LEVEL}::test_any_sizes_of_blocks",),
+    ),
+    Mutation(
+        "two levels: contacts are left out",
+        f"{COARSE}.py",
+        "self._lists.send(parts)",
+        "self._lists.send(parts[:1])",
+        (f"{TWO_LEVEL}::test_inverts_the_coarse_matrix",),
+    ),
+    Mutation(
+        "two levels: other contacts are not seen",
+        f"{COARSE}.py",
+        "if not all(known) or",
+        "if not known[:1] or",
+        (f"{TWO_LEVEL}::test_other_contacts_and_other_bodies",),
+    ),
+    Mutation(
+        "two levels: an odd iteration goes on with an old residual",
+        "runtime/solvers/cuda/pcg.py",
+        "if iteration % 2:",
+        "if iteration < 0:",
+        (f"{TWO_LEVEL}::test_auto_decides_as_on_the_cpu",),
+    ),
+    Mutation(
+        "two levels: a breakdown is not noticed",
+        f"{COARSE}.py",
+        "return int(self._outcome.download()[0]) == 0",
+        "return True",
+        (f"{TWO_LEVEL}::test_breakdown_is_said_and_block_jacobi_goes_on",),
     ),
     Mutation(
         "dense: the width of merged leaves lacks the last",

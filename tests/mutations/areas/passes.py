@@ -15,7 +15,16 @@ CHAINS = ("tests/passes/calculus/test_scalar_chains.py",)
 DERIVATIVES = ("tests/passes/transforms/test_differentiate.py",)
 WIDE = "tests/frontend/execution/test_wide_hessians.py"
 
+SEEN_THROUGH = ("tests/passes/transforms/test_cut_seen_through.py",)
+
 MUTATIONS = (
+    Mutation(
+        "derivatives that read what lies before the cut go unseen",
+        "passes/transforms/differentiate.py",
+        "if sees_beside(listed, values, inputs):",
+        "if False:",
+        SEEN_THROUGH,
+    ),
     Mutation(
         "a choice between numbers: the guards of its sides exchanged",
         "passes/calculus/derivatives.py",

@@ -6,8 +6,44 @@ from mutation import Mutation
 
 ORDER = "tests/frontend/execution/test_instance_order.py"
 PRIMITIVE = "tests/frontend/language/test_primitive.py"
+RESIZING = "tests/frontend/language/test_resizing.py"
 
 MUTATIONS = (
+    Mutation(
+        "a refused resize leaves the new sizes",
+        "frontend/language/resizing.py",
+        "    except BaseException:\n        _set_sizes(before)\n        raise\n    kept",
+        "    except ZeroDivisionError:\n        raise\n    kept",
+        (f"{RESIZING}::test_a_refused_change_leaves_every_bit",),
+    ),
+    Mutation(
+        "indices of a union are not renumbered",
+        "frontend/language/resizing.py",
+        "        moved[there] += (starts - old_starts)[of_leaf]\n",
+        "",
+        (f"{RESIZING}::test_one_primitive_by_names_and_indices_of_others_in_a_union",),
+    ),
+    Mutation(
+        "what leads to a primitive of another size may keep its indices",
+        "frontend/language/resizing.py",
+        "            if leaves[k] in self._old:\n",
+        "            if False:\n",
+        (f"{RESIZING}::test_a_refused_change_leaves_every_bit",),
+    ),
+    Mutation(
+        "numbers on a union need not follow its members",
+        "frontend/language/resizing.py",
+        "if any(leaf in old for leaf in _leaves(one))]",
+        "if one in old]",
+        (f"{RESIZING}::test_a_refused_change_leaves_every_bit",),
+    ),
+    Mutation(
+        "a scene is not told of other sizes",
+        "frontend/language/resizing.py",
+        "            scene.size_changed(owner)\n",
+        "            pass\n",
+        (f"{RESIZING}::test_a_target_that_nothing_leads_to",),
+    ),
     Mutation(
         "new indices of static energies keep the old sparsity",
         "frontend/execution/compiled_scene.py",
@@ -32,16 +68,16 @@ MUTATIONS = (
     Mutation(
         "new arrays are not pointed to",
         "frontend/language/primitive.py",
-        "        self.scene.arrays_moved(self)\n\n    def _counts_without",
-        "\n    def _counts_without",
+        "        self.scene.arrays_moved(self)\n\n    @one_thread_at_a_time\n    def resize",
+        "\n    @one_thread_at_a_time\n    def resize",
         ("tests/frontend/test_changes.py::test_numbers_of_the_same_count_alone",),
     ),
     Mutation(
         "a failed update of several parts changes the first ones",
         "frontend/language/primitive.py",
-        "indices[connectivity] = connectivity.checked_parts(value)\n",
-        "indices[connectivity] = connectivity.checked_parts(value)\n"
-        "                connectivity._replace(indices[connectivity])\n",
+        "indices[part] = part.checked_parts(value)\n                counts",
+        "indices[part] = part.checked_parts(value)\n"
+        "                part._replace(indices[part])\n                counts",
         ("tests/frontend/test_changes.py::test_a_refused_update_of_several_parts_changes_none",),
     ),
     Mutation(

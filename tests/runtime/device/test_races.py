@@ -151,7 +151,9 @@ def solve(maker: Maker, layouts: Sequence[tuple[tuple[int, ...], tuple[int, ...]
         for deterministic in (False, True):
             system = maker.random(random_structure(1, *layout))
             g = np.random.default_rng(2).standard_normal(system.size)
-            maker.solver(deterministic).solve(system.parts, system.vector(g), SolveOptions(1e-24, 10))
+            solver = maker.solver(deterministic)
+            solver.solve(system.parts, system.vector(g), SolveOptions(1e-24, 10))
+    solver.solve(system.parts, system.vector(g), SolveOptions(1e-24, 2, preconditioner="two-level"))
 
 
 @pytest.mark.usefixtures("in_turn")

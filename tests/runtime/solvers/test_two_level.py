@@ -7,51 +7,13 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import pytest
+from net_systems import VERTICES, dense_of, nets
 from numpy.typing import NDArray
 
 from yasps.runtime.core.library import DETERMINISTIC_PIECES, IntArray, LongArray, Runtime
 from yasps.runtime.matrix.block_matrix import BlockMatrix
 from yasps.runtime.solvers.options import SolveOptions
 from yasps.runtime.solvers.pcg import PcgSolver, PreconditionerChoice, SolveReport, StopReason
-
-SIDE, BODIES = 9, 2
-VERTICES = SIDE * SIDE * BODIES
-"""Of two square nets, which pairs of contact couple in the second part."""
-
-
-def nets(runtime: Runtime, *, stiffness: float = 100.0, wide: int = 12) -> list[BlockMatrix]:
-    """Two nets of springs between vertices of 3 scalars, and one block of `wide` scalars that holds a corner."""
-    ids = np.arange(VERTICES, dtype=np.int32).reshape(BODIES, SIDE, SIDE)
-    edges = np.concatenate(
-        [
-            np.stack([ids[:, :-1], ids[:, 1:]], -1).reshape(-1, 2),
-            np.stack([ids[:, :, :-1], ids[:, :, 1:]], -1).reshape(-1, 2),
-        ]
-    )
-    boundaries, sizes = np.array([0, 3 * VERTICES, 3 * VERTICES + wide]), np.array([3, wide], np.int32)
-    static, contacts = BlockMatrix(runtime), BlockMatrix(runtime, with_diagonal=False)
-    held = np.array([[1, 3 * VERTICES + 1]], np.int32)
-    static.build(boundaries, sizes, [3 * edges + 1, held])
-    pairs = np.array([[0, SIDE * SIDE], [5, SIDE * SIDE + 7]], np.int32)
-    contacts.build(boundaries, sizes, [3 * pairs + 1])
-    rng = np.random.default_rng(0)
-    for part, scale in ((static, stiffness), (contacts, 50.0)):
-        for group in part.groups:
-            apart = group.rows != group.cols
-            group.values[apart] = -scale * np.eye(group.r, group.c)
-            if group.r == group.c:
-                group.values[~apart] = 0.0
-    dense = sum(part.to_scipy().toarray() for part in (static, contacts))
-    for group in static.groups:
-        for block in np.flatnonzero((group.rows == group.cols) & (group.r == group.c)):
-            at = slice(int(group.rows[block]), int(group.rows[block]) + group.r)
-            random = rng.standard_normal((group.r, group.r))
-            group.values[block] = np.diag(np.abs(dense[at]).sum(1) + 0.01) + 0.001 * random @ random.T
-    return [static, contacts]
-
-
-def dense_of(parts: list[BlockMatrix]) -> NDArray[np.float64]:
-    return np.asarray(sum(part.to_scipy().toarray() for part in parts))
 
 
 def prolongation(part: BlockMatrix) -> NDArray[np.float64]:
