@@ -164,7 +164,9 @@ class Scene(SceneNames, Entity):
         set_numbers(self, values)
 
     @one_thread_at_a_time
-    def resize(self, counts: Mapping[Primitive, int], parts: Mapping[Attribute | Connectivity, Any]) -> None:
+    def resize(
+        self, counts: Mapping[Primitive, int], parts: Mapping[Attribute | Connectivity, Any]
+    ) -> tuple[dict[Primitive, int], dict[Attribute | Connectivity, Any]]:
         """Other numbers of instances of primitives, with the numbers and indices that belong to them, all or none.
 
         counts: primitive -> how many instances it gets. parts: stored attribute or connectivity -> what `update_value`
@@ -174,12 +176,13 @@ class Scene(SceneNames, Entity):
         may be given, too. A dynamic primitive that gets no instances needs nothing.
 
         Nothing is compiled, but where rows of a variable arity get longer than ever and than their `longest`: placement
-        indices, sparsity and what solvers keep are found again before the next result.
+        indices, sparsity and what solvers keep are found again before the next result. Returns counts and parts that
+        take it all back.
 
         Raises SceneError for what can't be resized, DataError for numbers that are missing or don't fit,
         ConnectivityError for indices that do; nothing is changed then.
         """
-        resize(self, counts, parts)
+        return resize(self, counts, parts)
 
     @one_thread_at_a_time
     def formulas(self) -> dict[str, str]:

@@ -17,7 +17,7 @@ from scipy.spatial.transform import Rotation
 from xdsl.parser import Parser
 
 from benchmarks import parts
-from yasps import Attribute, Scene, concat_cols, concat_rows, identity, materials, stumpff
+from yasps import Attribute, Scene, concat_cols, concat_rows, constant, identity, materials, stumpff
 from yasps.bodies import SoftBody
 from yasps.dialects.mat import OPERATIONS
 from yasps.examples import two_bunnies
@@ -307,6 +307,23 @@ def test_a_hinge_in_numpys_words_is_what_numpy_computes() -> None:
     assert symbolic["energy"].value.item() == pytest.approx(float(numbers["energy"]), rel=1e-14)
 
 
+def test_derivatives_of_ones_own() -> None:
+    """An exact gradient of (d . d - 1)^2, and its positive semi-definite Hessian where d is short: 8 d d^T clamped."""
+    scene = Scene("own", threads=1)
+    d = scene.add_mesh("m").add_primitive("p", 1).add_attribute("d", 3, 1, value=[0.6, 0.0, 0.0])
+    names: dict[str, Any] = {"d": d, "length": 1.0, "stiffness": 1.0, "normal": constant([0.0, 0.0, 1.0])}
+    with pytest.raises(errors.SceneError, match="the Hessian given"):  # it is no normal of every d
+        exec("from yasps import *\n" + snippet("eigensystem="), names)
+    names["normal"] = d.cross([0.0, 1.0, 0.0]) / d.cross([0.0, 1.0, 0.0]).norm()
+    exec("from yasps import *\n" + snippet("eigensystem="), names)
+    scene.add_energy(scene.m.p.add_attribute("energy", computed_attribute=names["energy"]))
+    scene.add_minimize_target(d)
+    np.testing.assert_allclose(scene.gradient()[0], [4 * (0.36 - 1) * 0.6, 0.0, 0.0], atol=1e-14)
+    np.testing.assert_allclose(
+        scene.hessian().to_scipy().toarray(), np.diag([8 * 0.36 + 4 * (0.36 - 1), 0, 0]), atol=1e-13
+    )
+
+
 def test_frames_of_a_rod_are_carried_along() -> None:
     (code,) = blocks(PARTS, "python")
     names: dict[str, Any] = {}
@@ -372,7 +389,7 @@ def test_every_python_block_is_run() -> None:
         "bridges.md": 3,
         "contact-and-stepping.md": 6,
         "gpu.md": 1,
-        "language.md": 7,
+        "language.md": 8,
         "parameterisations.md": 1,
         "parts.md": 1,
         "results.md": 1,

@@ -59,6 +59,60 @@ class StopGradientOp(MatOp):
 
 
 @irdl_op_definition
+class GivenDerivativeOp(MatOp):
+    """A value, of which the derivative is given and not found by looking into it.
+
+    Operands: the value, r x c; its Jacobian, (r c) x m, rows and columns in row-major order of the entries; and the
+    arguments that this is with respect to, m entries together. The second derivative is that of the Jacobian, which may
+    be a value of this kind itself. It means the value, and `differentiate` leaves nothing else of it.
+    """
+
+    name = "mat.given_derivative"
+    DIFFERENTIABLE: ClassVar = False
+    """Not by what it means: any Jacobian will do."""
+    HELD_OPERANDS: ClassVar = (0, 1)
+
+    @classmethod
+    def infer(cls, shapes: Sequence[Shape], properties: dict[str, Attribute]) -> Shape:
+        if len(shapes) < 3:
+            raise ShapeError(f"it takes a value, its Jacobian and arguments, got {len(shapes)} operands")
+        (rows, cols), jacobian, *arguments = shapes
+        entries = sum(height * width for height, width in arguments)
+        if jacobian != (rows * cols, entries):
+            raise ShapeError(
+                f"the Jacobian of {spell((rows, cols))} with respect to {entries} entries is "
+                f"{spell((rows * cols, entries))}, got {spell(jacobian)}"
+            )
+        return rows, cols
+
+    def evaluate(self, *inputs: Batch) -> Batch:
+        return inputs[0]
+
+    def is_linear(self, active: Sequence[bool]) -> bool:
+        return not active[1]
+
+    def pushforward(self, b: MatBuilder, tangents: Sequence[SSAValue | None]) -> SSAValue | None:
+        arguments, moved = self.operands[2:], tangents[2:]
+        if all(tangent is None for tangent in moved):
+            return None
+        parts = [b.zeros(shape_of(a)) if t is None else t for a, t in zip(arguments, moved, strict=True)]
+        direction = b.concat_rows([b.flat(part) for part in parts])
+        return b.reshape(b.matmul(self.operands[1], direction), shape_of(self.result))
+
+    def pullback(self, b: MatBuilder, cotangent: SSAValue) -> Sequence[SSAValue | None]:
+        column, start = b.matmul(b.transpose(self.operands[1]), b.flat(cotangent)), 0
+        parts: list[SSAValue | None] = [None, None]
+        for argument in self.operands[2:]:
+            rows, cols = shape_of(argument)
+            parts.append(b.reshape(b.block(column, start, 0, rows * cols, 1), (rows, cols)))
+            start += rows * cols
+        return parts
+
+    def lower(self, s: ScalarGraph, *inputs: Sequence[Node]) -> list[Node]:
+        return list(inputs[0])
+
+
+@irdl_op_definition
 class OverNormOp(MatOp):
     """slope / n for a norm n, entry by entry: by what the vector is multiplied in the gradient of a function of n.
 
@@ -248,4 +302,4 @@ class ProjectPsdOp(MatOp):
         raise ValueError("mat.project_psd is no scalar code; lower-to-scalar splits the function here")
 
 
-OPS = (StopGradientOp, OverNormOp, CongruenceOp, ProjectPsdOp)
+OPS = (StopGradientOp, GivenDerivativeOp, OverNormOp, CongruenceOp, ProjectPsdOp)

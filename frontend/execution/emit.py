@@ -10,6 +10,7 @@ from xdsl.ir import Block, Operation, SSAValue
 
 from yasps.dialects.mat import MatBuilder, matrix_type
 from yasps.dialects.mat.builder import named
+from yasps.dialects.mat.calculus import GivenDerivativeOp
 from yasps.dialects.rel import (
     AttributeOp,
     ConnectivityOp,
@@ -28,9 +29,11 @@ from yasps.dialects.rel import (
     UnionOp,
     YieldOp,
 )
+from yasps.frontend.errors import SceneError
 from yasps.frontend.language.attribute import Attribute
 from yasps.frontend.language.connectivity import Connectivity
 from yasps.frontend.language.entity import Entity
+from yasps.frontend.language.given_derivatives import read_beside
 from yasps.frontend.language.mesh import Mesh
 from yasps.frontend.language.nodes import Computed, Joined, Named, Stored, United
 from yasps.frontend.language.primitive import PrimitiveBase, PrimitiveUnion
@@ -164,6 +167,8 @@ class SceneEmitter:
                 if missing:
                     stack.extend(missing)
                     continue
+                if current.node.op_class is GivenDerivativeOp:
+                    self.check_arguments(current)
                 operands = [values[operand] for operand in current.node.operands]
                 values[current] = b.emit(current.node.op_class, operands, dict(current.node.properties))
             else:
@@ -171,6 +176,16 @@ class SceneEmitter:
             stack.pop()
         b.append(YieldOp(named(values[root], attribute.name)))
         return b.body
+
+    def check_arguments(self, attribute: Attribute) -> None:
+        """Raises SceneError if an attribute with given derivatives depends on a target beside its arguments."""
+        for stored in read_beside(attribute):
+            if stored in self.varied:
+                raise SceneError(
+                    f"derivatives with respect to {stored.path} are asked for, and what was given at {attribute.where} "
+                    "by with_derivatives depends on it otherwise than through the arguments named there: name it among "
+                    "them, or write the formula with them"
+                )
 
     def reference(self, b: MatBuilder, attribute: Attribute) -> SSAValue:
         """Reads another attribute of the lineage."""

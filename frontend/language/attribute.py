@@ -401,6 +401,32 @@ class Attribute(AttributeNames, EntrywiseFunctions, InScene):
         """The same value, held constant by differentiation."""
         return combine(calculus.StopGradientOp, [self])
 
+    def with_derivatives(
+        self,
+        arguments: Attribute | Sequence[Attribute],
+        gradient: Attribute | Sequence[Attribute],
+        *,
+        hessian: Attribute | None = None,
+        eigensystem: tuple[Attribute, Attribute] | None = None,
+        check: bool = True,
+    ) -> Attribute:
+        """The same value with derivatives of one's own, which the compiler uses instead of deriving them.
+
+        arguments: attributes that the formula is written with, m entries together. gradient: one attribute in the shape
+        of each argument; if this attribute is not 1x1, its Jacobian instead, a row for each of its entries and a column
+        for each of the arguments', all row-major. hessian: of a 1x1 attribute, m x m; without it the gradient is
+        differentiated. eigensystem: of that Hessian instead, eigenvalues k x 1 and orthonormal eigenvectors m x k, one
+        a column, k <= m; where this attribute is an energy and its arguments are affine in the targets, their negative
+        ones are removed without looking for them. check: compare with what is derived, at random numbers, now.
+
+        Derivatives with respect to what is reached otherwise than through the arguments raise SceneError when the scene
+        is compiled. Raises SceneError where a given derivative is wrong, ShapeMismatchError, LineageError.
+        """
+        from yasps.frontend.language.given_derivatives import with_derivatives
+
+        listed = [arguments] if isinstance(arguments, Attribute) else list(arguments)
+        return with_derivatives(self, listed, gradient, hessian=hessian, eigensystem=eigensystem, check=check)
+
 
 def constant(values: ArrayLike) -> Attribute:
     """A matrix of numbers to compute with: a number is 1x1, a flat list of n numbers n x 1."""

@@ -107,7 +107,7 @@ class Connectivity(ConnectivityNames, InScene):
     def checked_parts(self, value: Any) -> IntArray | DeviceIndices:
         """Rows of indices from what a user gives: indices, or (indices, counts) of a variable arity."""
         if not self.is_variable:
-            if is_on_device(value):
+            if isinstance(value, DeviceIndices) or is_on_device(value):
                 return self._checked_on_device(value)
             if isinstance(value, tuple) and len(value) == 2 and np.ndim(value[0]) > 0 and np.ndim(value[1]) > 0:
                 raise ConnectivityError(f"{self.path} has the fixed arity {self.arity} and takes no counts")
@@ -138,7 +138,7 @@ class Connectivity(ConnectivityNames, InScene):
                 "array, or make the scene with device='cuda'"
             )
         try:
-            array = device_indices(value, self.source.scene.device)
+            array = value if isinstance(value, DeviceIndices) else device_indices(value, self.source.scene.device)
         except ForeignArrayError as error:
             raise ConnectivityError(f"{self.path}: {error}") from error
         if len(array.shape) not in (1, 2) or (len(array.shape) == 2 and array.shape[1] != self.arity):

@@ -38,6 +38,28 @@ class AttributeNames:
     def stopGradient(self) -> Attribute:
         """The same value, held constant by differentiation."""
 
+    def withDerivatives(
+        self,
+        arguments: Attribute | Sequence[Attribute],
+        gradient: Attribute | Sequence[Attribute],
+        *,
+        hessian: Attribute | None = None,
+        eigensystem: tuple[Attribute, Attribute] | None = None,
+        check: bool = True,
+    ) -> Attribute:
+        """The same value with derivatives of one's own, which the compiler uses instead of deriving them.
+
+        arguments: attributes that the formula is written with, m entries together. gradient: one attribute in the shape
+        of each argument; if this attribute is not 1x1, its Jacobian instead, a row for each of its entries and a column
+        for each of the arguments', all row-major. hessian: of a 1x1 attribute, m x m; without it the gradient is
+        differentiated. eigensystem: of that Hessian instead, eigenvalues k x 1 and orthonormal eigenvectors m x k, one
+        a column, k <= m; where this attribute is an energy and its arguments are affine in the targets, their negative
+        ones are removed without looking for them. check: compare with what is derived, at random numbers, now.
+
+        Derivatives with respect to what is reached otherwise than through the arguments raise SceneError when the scene
+        is compiled. Raises SceneError where a given derivative is wrong, ShapeMismatchError, LineageError.
+        """
+
 class ConnectivityNames:
     @property
     def storedIndices(self) -> IntArray | DeviceIndices:

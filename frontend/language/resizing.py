@@ -29,7 +29,9 @@ if TYPE_CHECKING:
 Part = Attribute | Connectivity
 
 
-def resize(scene: Scene, counts: Mapping[Primitive, int], parts: Mapping[Part, Any]) -> None:
+def resize(
+    scene: Scene, counts: Mapping[Primitive, int], parts: Mapping[Part, Any]
+) -> tuple[dict[Primitive, int], dict[Part, Any]]:
     """See `Scene.resize`."""
     sizes = _checked_sizes(scene, counts)
     _check_parts(scene, parts)
@@ -61,6 +63,16 @@ def resize(scene: Scene, counts: Mapping[Primitive, int], parts: Mapping[Part, A
         for attribute, _ in numbers:
             assert attribute.owner is not None
             scene.arrays_moved(attribute.owner)
+    old_parts: dict[Part, Any] = {one: _as_given(one, rows) for one, (rows, _) in kept_indices.items()}
+    return before, old_parts | {attribute: kept_numbers[node] for attribute, node in numbers}
+
+
+def _as_given(connectivity: Connectivity, rows: IntArray | DeviceIndices) -> Any:
+    """Rows as `update_value` takes them."""
+    if not connectivity.is_variable:
+        return rows
+    assert isinstance(rows, np.ndarray)
+    return rows[rows >= 0], (rows >= 0).sum(axis=1)
 
 
 def _set_sizes(sizes: Mapping[Primitive, int]) -> None:

@@ -20,7 +20,10 @@ from xdsl.ir import Block, Operation, SSAValue
 from xdsl.passes import ModulePass
 
 from yasps.dialects.mat import MatOp, matrix_type, shape_of
+from yasps.dialects.mat.algebra import TransposeOp
 from yasps.dialects.mat.builder import named
+from yasps.dialects.mat.calculus import CongruenceOp, GivenDerivativeOp
+from yasps.dialects.mat.structure import ReshapeOp
 from yasps.dialects.rel import (
     AttributeOp,
     Container,
@@ -57,6 +60,7 @@ class Differentiate(ModulePass):
     def apply(self, ctx: Context, op: ModuleOp) -> None:
         for container in containers(op):
             _Differentiation(container).run()
+            drop_given_derivatives(container)
 
 
 class _Differentiation:
@@ -125,8 +129,14 @@ class _Differentiation:
     ) -> tuple[SSAValue, list[SSAValue]]:
         """L^T S L, with S the Hessian with respect to the smallest linear cut, and that cut.
 
-        The cut is empty where S is with respect to constant combinations of several values.
+        The cut is empty where S is with respect to constant combinations of several values, or stands for given
+        eigenvalues.
         """
+        given = _given_hessian(dependence, value)
+        if given is not None:
+            symmetric, arguments = given
+            whole = named(b.congruence(named(symmetric, "given_hessian"), jacobian(b, arguments, inputs)), "hessian")
+            return whole, [] if isinstance(symmetric.owner, CongruenceOp) else arguments
         cut = linear_cut(dependence, inputs)
         if len(cut) == 1 and value_name(cut[0]) is None:
             cut[0].name_hint = "cut"
@@ -215,6 +225,38 @@ class _Differentiation:
         made = CurvatureOp(name, symbol(attribute.symbol), attribute.owner, b.body)
         made.location = attribute.location
         return made
+
+
+def _given_hessian(dependence: DependenceMap, value: SSAValue) -> tuple[SSAValue, list[SSAValue]] | None:
+    """The Hessian that is given with the energy, and its arguments, if all of these are affine in the inputs."""
+    energy = value.owner
+    slope = energy.operands[1].owner if isinstance(energy, GivenDerivativeOp) else None
+    gradient = slope.operands[0].owner if isinstance(slope, ReshapeOp | TransposeOp) else slope
+    if not isinstance(energy, GivenDerivativeOp) or not isinstance(gradient, GivenDerivativeOp):
+        return None
+    arguments = list(energy.operands[2:])
+    if arguments != list(gradient.operands[2:]):
+        return None
+    if any(dependence[argument] is not Dependence.AFFINE for argument in arguments):
+        return None
+    return gradient.operands[1], arguments
+
+
+def drop_given_derivatives(container: Container) -> None:
+    """Leaves of values with given derivatives the values, and of what only these derivatives are made of nothing."""
+    for definition in container.body.block.ops:
+        for block in (block for region in definition.regions for block in region.blocks):
+            given = [op for op in block.ops if isinstance(op, GivenDerivativeOp)]
+            for op in given:
+                op.result.replace_all_uses_with(op.operands[0])
+            if given:
+                _erase_unused(block)
+
+
+def _erase_unused(block: Block) -> None:
+    for op in reversed([op for op in block.ops if isinstance(op, MatOp)]):
+        if not op.result.uses:
+            block.erase_op(op)
 
 
 def _constant_part(b: BodyBuilder, dependence: DependenceMap, value: SSAValue, inputs: list[SSAValue]) -> SSAValue:

@@ -1,7 +1,8 @@
 """`project-psd`: decides for each energy where its Hessian is made positive semi-definite (paper, 5.4, 7.2, 10.4).
 
 Where all layers below an energy are affine, projecting at the boundary is enough; and where the Hessian is L^T S L with
-L free of the targets, S is smaller still and is projected instead. Where a layer below is nonlinear, its curvature term
+L free of the targets, S is smaller still and is projected instead. So are the eigenvalues themselves, S being diagonal,
+where the user gave the eigensystem. Where a layer below is nonlinear, its curvature term
 is part of the Hessian, and only the whole local Hessian, expanded to the targets and compressed, can be projected.
 """
 
@@ -51,24 +52,31 @@ def _project(derivative: DerivativeOp) -> None:
         )
         return
     assert terminator.hessian is not None
-    symmetric = _innermost(derivative, terminator)
+    symmetric, is_given = _innermost(derivative, terminator)
     full, width = shape_of(terminator.hessian)[0], shape_of(symmetric)[0]
     reason = "the energy reads its inputs through a linear cut" if width < full else "no narrower linear cut"
+    if is_given:
+        reason = "its eigenvalues are given"
     derivative.projects = StringAttr(f"{width}x{width} of {full}x{full}: {reason}")
     _insert(derivative, terminator, symmetric, mode)
 
 
-def _innermost(derivative: DerivativeOp, terminator: YieldDerivativeOp) -> SSAValue:
-    """The smallest symmetric S with Hessian = L^T S L and L free of the inputs."""
+def _innermost(derivative: DerivativeOp, terminator: YieldDerivativeOp) -> tuple[SSAValue, bool]:
+    """The smallest symmetric S with Hessian = L^T S L, and whether it holds eigenvalues that the user gave.
+
+    L is free of the inputs, or has the eigenvectors that were given with those.
+    """
     assert terminator.hessian is not None
     dependence = DependenceMap(derivative.body.block, terminator.wrt)
     value: SSAValue = terminator.hessian
+    is_given = False
     while isinstance(value.owner, CongruenceOp):
         middle, linear = value.owner.operands
-        if dependence.is_active(linear) or shape_of(middle)[0] > shape_of(value)[0]:
+        if shape_of(middle)[0] > shape_of(value)[0]:
             break
+        is_given = is_given or dependence.is_active(linear)
         value = middle
-    return value
+    return value, is_given
 
 
 def _insert(derivative: DerivativeOp, terminator: YieldDerivativeOp, symmetric: SSAValue, mode: str) -> None:

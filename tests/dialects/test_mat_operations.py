@@ -18,7 +18,7 @@ from xdsl.parser import Parser
 from xdsl.utils.exceptions import VerifyException
 
 from yasps.dialects.mat import OPERATIONS, Batch, MatBuilder, NotDifferentiableError, matrix_type, shape_of
-from yasps.dialects.mat.calculus import ProjectPsdOp
+from yasps.dialects.mat.calculus import GivenDerivativeOp, ProjectPsdOp
 from yasps.dialects.mat.spectral import SpectralOp
 from yasps.dialects.scalar.graph import ScalarGraph
 from yasps.passes.analysis.dependence import DependenceMap
@@ -212,7 +212,7 @@ def test_derivatives_are_exact_on_rationals(example: Example) -> None:
             assert np.all(found == expected)
 
 
-@_named([e for e in ALL if not e.op_class.DIFFERENTIABLE])
+@_named([e for e in ALL if not e.op_class.DIFFERENTIABLE and e.op_class is not GivenDerivativeOp])
 def test_operations_without_a_rule_say_so(example: Example) -> None:
     block, op = example.build(extra=example.shapes)
     b = MatBuilder(block)
@@ -221,6 +221,28 @@ def test_operations_without_a_rule_say_so(example: Example) -> None:
             op.pushforward(b, list(block.args[len(example.shapes) :]))
     with pytest.raises(NotDifferentiableError, match=f"{op.name} has no derivative rule"):
         op.pullback(b, op.result)
+
+
+@_named([e for e in ALL if e.op_class is GivenDerivativeOp])
+def test_a_given_derivative_is_the_jacobian_that_is_given(example: Example) -> None:
+    """Forward and backward; the value itself and the Jacobian have no part in it."""
+    block, op = example.build(extra=(*example.shapes, shape_of(example.build()[1].result)))
+    b, count = MatBuilder(block), len(example.shapes)
+    directions = list(block.args[count : 2 * count])
+    tangent, parts = op.pushforward(b, directions), op.pullback(b, block.args[-1])
+    assert op.pushforward(b, [*directions[:2], *[None] * (count - 2)]) is None
+    assert tangent is not None
+    assert list(parts[:2]) == [None, None]
+    inputs, moved = example.draw(3), example.draw(4)
+    weights = np.random.default_rng(5).standard_normal((len(inputs[0]), *shape_of(op.result)))
+    values = run_block(block, [*inputs, *moved, weights])
+    jacobian = inputs[1]
+    direction = np.concatenate([part.reshape(len(part), -1, 1) for part in moved[2:]], axis=1)
+    wanted = (jacobian @ direction).reshape(weights.shape)
+    np.testing.assert_allclose(values[tangent], wanted, rtol=1e-13, atol=1e-13)
+    pulled = np.concatenate([values[part].reshape(len(jacobian), -1) for part in parts if part is not None], axis=1)
+    column = weights.reshape(len(jacobian), -1, 1)
+    np.testing.assert_allclose(pulled, (jacobian.swapaxes(1, 2) @ column)[:, :, 0], rtol=1e-13, atol=1e-13)
 
 
 @_named([e for e in ALL if e.op_class.HELD_CONSTANT or not e.shapes])

@@ -62,6 +62,8 @@ WRONG: list[tuple[str, tuple[Shape, ...], dict[str, Attribute], str]] = [
     ("select", ((2, 1), (1, 1), (1, 1)), {}, "the condition must be 1x1, got 2x1"),
     ("min", ((2, 1), (1, 1)), {}, "a minimum needs equal shapes, got 2x1 and 1x1"),
     ("max", ((2, 1), (1, 1)), {}, "a maximum needs equal shapes, got 2x1 and 1x1"),
+    ("given_derivative", ((1, 1), (1, 3)), {}, "it takes a value, its Jacobian and arguments, got 2 operands"),
+    ("given_derivative", ((2, 1), (3, 2), (3, 1)), {}, "of 2x1 with respect to 3 entries is 2x3, got 3x2"),
     # properties with a wrong number of integers
     ("identity", (), {"size": integers(2, 2)}, "size takes 1 integer"),
     ("reshape", ((2, 3),), {"shape": integers(6)}, "shape takes 2 integers"),

@@ -185,6 +185,8 @@ ALL: list[Example] = [
     Example(structure.ConcatColsOp, ((2, 1),)),
     Example(structure.ConcatColsOp, ((2, 1), (2, 3), (2, 2))),
     *_one(calculus.StopGradientOp, (1, 1), (2, 3)),
+    Example(calculus.GivenDerivativeOp, ((1, 1), (1, 6), (2, 3))),
+    Example(calculus.GivenDerivativeOp, ((2, 2), (4, 5), (3, 1), (1, 2))),
     Example(calculus.OverNormOp, ((1, 1), (1, 1), (1, 1)), (plain, positive, plain)),
     Example(calculus.OverNormOp, ((2, 3), (1, 1), (2, 3)), (plain, positive, plain)),
     Example(calculus.CongruenceOp, ((3, 3), (3, 2)), (symmetric, plain)),

@@ -30,6 +30,7 @@ class Body:
     - arms: of targets that are no positions, how far at most a vertex moves for a unit of the target [m].
     - history: constants that `start_step` sets and that belong to the state of the body.
     - meets_itself: whether its surface can meet itself; a stiff body's can't.
+    - room: for so many triangles around a vertex, should the mesh be replaced, before contact needs a compile.
     """
 
     mesh: Mesh
@@ -44,6 +45,7 @@ class Body:
     falling: tuple[Attribute, ...] = ()
     history: tuple[Attribute, ...] = ()
     meets_itself: bool = True
+    room: int = 1
     arms: Mapping[Attribute, float] = MappingProxyType({})
 
     def __init__(self, scene: Scene, name: str, rest: Float64Array, radius: ArrayLike = 0.0) -> None:

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from numpy.typing import ArrayLike
 
-from yasps import Scene, SceneError, materials
+from yasps import Attribute, Connectivity, Primitive, Scene, SceneError, materials
 from yasps.bodies.body import Body, checked_density
 from yasps.frontend.language.arrays import positive_number, real_numbers
 from yasps.meshes import MeshError, TriangleMesh, hinge_stiffness, hinges_of, triangle_vertex_masses
@@ -18,6 +20,10 @@ class Cloth(Body):
     `rest_edges_inverse`, `rest_area`, `deformation_gradient`, `membrane`. `hinges`: `corners`, `positions`,
     `stiffness` [J], `bending`.
     """
+
+    vertices: Primitive
+    hinges: Primitive
+    """Not there on a single triangle."""
 
     def __init__(
         self,
@@ -32,13 +38,17 @@ class Cloth(Body):
         compression: float = 1.0,
         warp: tuple[float, float, float] = (1.0, 0.0, 0.0),
         radius: ArrayLike = 0.0,
+        refinable: bool = False,
     ) -> None:
         """Adds the cloth, at rest where the mesh lies.
 
         area_density [kg/m^2]; stretch, shear [J/m^2]; bending [J]; compression: share of `stretch` that resists
         shortening; warp: direction of the warp threads, projected into each triangle; radius: half the thickness, see
-        `Body` [m]. Its contact modulus is `stretch` over the mean length of an edge, that of a solid whose cells of
-        this size give way as the cloth does: stiffer contact only makes the steps of Newton's method short.
+        `Body` [m]. refinable: `Simulation.remesh` will replace the mesh and compiles nothing then, for up to 16
+        triangles around a vertex.
+
+        Its contact modulus is `stretch` over the mean length of an edge, that of a solid whose cells of this size give
+        way as the cloth does: stiffer contact only makes the steps of Newton's method short.
 
         Raises SceneError, MeshError, DataError, NameTakenError.
         """
@@ -50,6 +60,8 @@ class Cloth(Body):
                 raise SceneError(f"{name}: {what} must be a number >= 0, got {given!r}")
         if not isinstance(shape, TriangleMesh):
             raise MeshError(f"{name}: a cloth is a TriangleMesh, got {shape!r}")
+        self._area_density, self._bending, self._warp = area_density, bending, warp
+        self.room = 16 if refinable else 1
         inverse, area = materials.rest_triangles(shape.vertices, shape.triangles, warp)
         super().__init__(scene, name, shape.vertices, radius)
         sides = shape.vertices[shape.triangles] - shape.vertices[np.roll(shape.triangles, 1, axis=1)]
@@ -88,3 +100,34 @@ class Cloth(Body):
         stiffness = hinge_stiffness(shape.vertices, hinges, bending)
         bends = materials.hinge_bending(x, self.hinges.add_constant("stiffness", 1, 1, value=stiffness))
         self.add_energy(self.hinges.add_attribute("bending", computed_attribute=bends))
+
+    def resized(self, shape: TriangleMesh) -> tuple[dict[Primitive, int], dict[Attribute | Connectivity, Any]]:
+        """What `Scene.resize` takes for another mesh at rest, of the same material, but for positions and for what
+        others added to the vertices. `take` follows. Raises MeshError, SceneError."""
+        if not isinstance(shape, TriangleMesh):
+            raise MeshError(f"{self.name}: a cloth is a TriangleMesh, got {shape!r}")
+        inverse, area = materials.rest_triangles(shape.vertices, shape.triangles, self._warp)
+        hinges, triangles = hinges_of(shape.triangles), self.triangle_elements
+        counts = {self.vertices: len(shape.vertices), triangles: len(shape.triangles)}
+        mass = triangle_vertex_masses(shape.vertices, shape.triangles, self._area_density)
+        parts: dict[Attribute | Connectivity, Any] = {
+            self.vertices["rest_position"]: shape.vertices,
+            self.vertices["mass"]: mass,
+            triangles.corners: shape.triangles,
+            triangles["rest_edges_inverse"]: inverse,
+            triangles["rest_area"]: area,
+        }
+        if hasattr(self, "hinges") != (len(hinges) > 0):
+            raise SceneError(
+                f"{self.name}: a mesh without hinges can't replace one that has some, nor the other way round"
+            )
+        if len(hinges) > 0:
+            counts[self.hinges] = len(hinges)
+            parts[self.hinges.corners] = hinges
+            parts[self.hinges["stiffness"]] = hinge_stiffness(shape.vertices, hinges, self._bending)
+        return counts, parts
+
+    def take(self, shape: TriangleMesh, radius: ArrayLike) -> None:
+        """The mesh that the scene has by now, and the radius of its vertices [m]."""
+        self.rest, self.radius = shape.vertices, np.asarray(radius, np.float64)
+        self.cells, self.triangles = {"triangle": shape.triangles}, shape.triangles

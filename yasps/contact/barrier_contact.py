@@ -12,16 +12,27 @@ from __future__ import annotations
 import logging
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from yasps import Attribute, FloatArray, IntersectionError, Mesh, PrimitiveBase, PrimitiveUnion, SceneError
+from yasps import (
+    Attribute,
+    Connectivity,
+    FloatArray,
+    IntersectionError,
+    Mesh,
+    Primitive,
+    PrimitiveBase,
+    PrimitiveUnion,
+    SceneError,
+)
 from yasps.contact.active_set import ActiveSet, Ids, Pairs, PlanePairs
 from yasps.contact.barrier import BARRIERS
 from yasps.contact.collision_geometry import Candidates, CollisionGeometry
-from yasps.contact.contact_parts import OWN_NAMES, add_parts
-from yasps.contact.contact_table import ContactTable, laws_of
+from yasps.contact.contact_parts import OWN_NAMES, add_parts, radii_vary
+from yasps.contact.contact_table import ContactLaws, ContactTable, laws_of
 from yasps.contact.friction import Friction, Lag, checked_slip_length
 from yasps.contact.half_spaces import HalfSpaces, Plane
 from yasps.contact.kinds import HALF_SPACE, KINDS
@@ -72,7 +83,8 @@ class BarrierContact(InScene):
     fixed: [n] bool, vertices that no energy moves. group: [n] int, pairs inside one group (of a stiff body, say) don't
     repel; negative means no group. objects: name -> number of vertices in order, for messages, moduli and the table;
     default: the members of the union. slip_length: up to which slip within a step pairs with friction stick [m], a
-    number or a 1x1 attribute of mesh or scene.
+    number or a 1x1 attribute of mesh or scene. room: for so many triangles around a vertex, before `resize` needs a
+    compile.
 
     Every state that `minimize` accepts is joined to the one before it by a way without collision. Positions that were
     changed from outside in between are held against the last accepted ones, see `check_way` and `reset`.
@@ -102,6 +114,7 @@ class BarrierContact(InScene):
         objects: Mapping[str, int] | None = None,
         slip_length: float | Attribute | None = None,
         projection: str = "clamp",
+        room: int = 1,
     ) -> None:
         if barrier not in BARRIERS:
             raise SceneError(f"barrier is one of {', '.join(map(repr, BARRIERS))}, got {barrier!r}")
@@ -121,7 +134,7 @@ class BarrierContact(InScene):
         self.position = vertices["position"]
         if self.position.shape != (3, 1):
             raise SceneError(f"contact needs 3x1 positions, but {self.position.path} is {self.position.shape}")
-        self._lock = mesh.scene.lock
+        self._lock, self._scene = mesh.scene.lock, mesh.scene
         positions = self.positions()
         objects = _members_of(vertices) if objects is None else objects
         ObjectNames(objects, len(positions))  # they must add up before laws are made of them
@@ -133,25 +146,13 @@ class BarrierContact(InScene):
         moduli = {} if moduli is None or barrier == "paper" else moduli
         self.laws = laws_of(table, objects, moduli, [plane.name for plane in planes], stiffness=stiffness)
         slip_length = checked_slip_length(slip_length, mesh) if self.laws.has_friction else None
-        self.geometry = CollisionGeometry(
-            rest,
-            triangles,
+        self._planes, self._activation_distance, self._improved_max = (
+            list(planes),
             activation_distance,
-            edges=edges,
-            points=points,
-            radii=thickness,
-            fixed=fixed,
-            group=group,
-            class_of=None if self.laws.enabled.all() else self.laws.class_of,
-            allowed=None if self.laws.enabled.all() else self.laws.enabled,
-            objects=objects,
-            improved_max=barrier != "paper",
-            runtime=mesh.scene.runtime,
+            barrier != "paper",
         )
-        meets = self.laws.enabled[self.laws.plane_class][:, self.laws.class_of] & self.geometry.taking_part
-        if fixed is not None:
-            meets = meets & ~np.asarray(fixed, np.bool_)
-        self.half_spaces = HalfSpaces(planes, meets, thickness, activation_distance)
+        surface = {"edges": edges, "points": points, "fixed": fixed, "group": group, "objects": objects}
+        self.geometry, self.half_spaces = self._look_at(self.laws, rest, triangles, thickness, surface)
         self.check_intersection_free(positions)
         _announce_loose_vertices(self.geometry, objects)
         self.parts = add_parts(
@@ -163,6 +164,7 @@ class BarrierContact(InScene):
             barrier=barrier,
             rest=None if has_own_rest else rest,
             radii=thickness,
+            room=room,
         )
         self.primitives: dict[str, PairPrimitive] = {}
         kinds = KINDS | ({"half_space": HALF_SPACE} if len(planes) else {})
@@ -187,6 +189,120 @@ class BarrierContact(InScene):
         self.active = self._close_pairs(positions)
         self.show_only({})
         self.lag()
+
+    def _look_at(
+        self, laws: ContactLaws, rest: FloatArray, triangles: ArrayLike, radii: FloatArray, surface: Mapping[str, Any]
+    ) -> tuple[CollisionGeometry, HalfSpaces]:
+        """Collision geometry and half-spaces of a surface; surface: what else `CollisionGeometry` takes of it."""
+        geometry = CollisionGeometry(
+            rest,
+            triangles,
+            self._activation_distance,
+            radii=radii,
+            class_of=None if laws.enabled.all() else laws.class_of,
+            allowed=None if laws.enabled.all() else laws.enabled,
+            improved_max=self._improved_max,
+            runtime=self._scene.runtime,
+            **surface,
+        )
+        meets = laws.enabled[laws.plane_class][:, laws.class_of] & geometry.taking_part
+        if surface["fixed"] is not None:
+            meets = meets & ~np.asarray(surface["fixed"], np.bool_)
+        return geometry, HalfSpaces(self._planes, meets, radii, self._activation_distance)
+
+    @one_thread_at_a_time
+    def resize(
+        self,
+        counts: Mapping[Primitive, int],
+        parts: Mapping[Attribute | Connectivity, Any],
+        triangles: ArrayLike,
+        *,
+        rest_positions: ArrayLike,
+        edges: ArrayLike | None = None,
+        points: ArrayLike | None = None,
+        radii: ArrayLike = 0.0,
+        fixed: ArrayLike | None = None,
+        group: ArrayLike | None = None,
+        objects: Mapping[str, int] | None = None,
+    ) -> None:
+        """Resizes primitives that the vertices come from, together with their surface, all or none.
+
+        counts, parts: as `Scene.resize` takes them; contact adds its own, and nothing is compiled, but for more
+        triangles around a vertex than there is `room` for. The rest describes all of the new surface, as when contact
+        was made; rest_positions [n, 3] are those that the parts lead to. Pairs are found anew; friction is lagged at
+        the new positions, and slips count from there.
+
+        Raises IntersectionError, with names, if surfaces cross at the new positions, or positions were changed from
+        outside since the last step and something is in the way. Raises SceneError for other objects than before, for
+        pieces of a kind that was not there, and for radii that vary or are there at all only now; what `Scene.resize`
+        raises. Nothing has changed then.
+        """
+        self.check_way()
+        rest, old = checked_points(rest_positions, "rest_positions"), self.geometry.objects
+        objects = {name: len(rest) for name in old} if objects is None else objects
+        if list(objects) != list(old):
+            raise SceneError(f"contact is of {', '.join(map(repr, old))}, not of {', '.join(map(repr, objects))}")
+        thickness = checked_radii(radii, len(rest))
+        surface = {"edges": edges, "points": points, "fixed": fixed, "group": group, "objects": objects}
+        laws = self.laws.resized(old, objects)
+        geometry, half_spaces = self._look_at(laws, rest, triangles, thickness, surface)
+        if thickness.any() and not self.parts.is_thick:
+            raise SceneError("a surface without thickness got one, which is another formula: make a new contact")
+        if radii_vary(geometry, thickness) and not self.parts.radii_vary:
+            raise SceneError("the radii of a surface vary now, which is another formula: make a new contact")
+        of_surface = self._resized(geometry, thickness, rest)
+        undo = self._scene.resize({**counts, **of_surface[0]}, {**parts, **of_surface[1]})
+        try:
+            where = self.positions()
+            geometry.check_intersection_free(where)
+            half_spaces.check_free(where, geometry.names.of)
+            has_own_rest = "vertex" in self.parts.points.connectivities
+            if has_own_rest and not np.array_equal(self.parts.vertices["rest_position"].value, rest.ravel()):
+                raise SceneError("rest_positions are not those of the vertices after they were resized")
+        except BaseException:
+            self._scene.resize(*undo)
+            raise
+        self.laws, self.geometry, self.half_spaces = laws, geometry, half_spaces
+        self.ahead.look_at(geometry, half_spaces)
+        self._given, self._kept = {}, None
+        self._where = self._accepted = where
+        self.active = self._close_pairs(where)
+        self.show_only({})
+        if self.friction is not None:
+            self.friction.restart(where)
+            self.lag()
+
+    def _resized(
+        self, geometry: CollisionGeometry, radii: FloatArray, rest: FloatArray
+    ) -> tuple[dict[Primitive, int], dict[Attribute | Connectivity, Any]]:
+        """What `Scene.resize` takes for a surface, without pairs."""
+        points = self.parts.points
+        counts: dict[Primitive, int] = {points: len(rest)}
+        parts: dict[Attribute | Connectivity, Any] = {points["radius"]: radii}
+        if "vertex" in points.connectivities:
+            parts[points.vertex] = np.arange(len(rest))
+        else:
+            parts[points["rest_position"]] = rest
+        if self.parts.measures is not None:
+            of_measures = self.parts.measures.resized(geometry, radii)
+            counts |= of_measures[0]
+            parts |= of_measures[1]
+        if self.friction is not None:
+            parts |= self.friction.resized(len(rest))
+        return counts | self._without_pairs(), parts
+
+    def emptied(self) -> tuple[dict[Primitive, int], dict[Attribute | Connectivity, Any]]:
+        """What `Scene.resize` takes when vertices are resized and this contact is used no more, its energies gone."""
+        points, parts = self.parts.points, dict[Attribute | Connectivity, Any]()
+        if "vertex" in points.connectivities:
+            parts[points.vertex] = np.zeros(points.num_instances, np.int32)
+        return self._without_pairs(), parts
+
+    def _without_pairs(self) -> dict[Primitive, int]:
+        pairs = list(self.primitives.values())
+        if self.friction is not None:
+            pairs += self.friction.primitives.values()
+        return {one.primitive: 0 for one in pairs}
 
     @property
     def energies(self) -> list[Attribute]:

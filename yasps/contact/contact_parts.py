@@ -53,8 +53,10 @@ def add_parts(
     barrier: str,
     rest: FloatArray | None,
     radii: FloatArray,
+    room: int,
 ) -> ContactParts:
-    """Constants and primitives that all kinds read; rest: None for the attribute `rest_position` of the vertices."""
+    """Constants and primitives that all kinds read; rest: None for the attribute `rest_position` of the vertices.
+    room: see `SurfaceMeasures`."""
     distance = geometry.activation_distance
     reach = mesh.add_constant("reach", 1, 1, value=distance)
     squared_reach = mesh.add_constant("squared_reach", 1, 1, value=distance**2)
@@ -67,7 +69,6 @@ def add_parts(
         planes.add_constant("normal", 3, 1, value=half_spaces.normals)
         planes.add_constant("point", 3, 1, value=half_spaces.points)
     points = add_surface_points(mesh, vertices, rest, radii)
-    varying = [radii[geometry.triangles], radii[geometry.edges]]
     return ContactParts(
         mesh=mesh,
         vertices=vertices,
@@ -76,8 +77,13 @@ def add_parts(
         planes=planes,
         reach=reach,
         squared_reach=squared_reach,
-        measures=SurfaceMeasures(mesh, points, geometry, radii) if barrier != "paper" else None,
+        measures=SurfaceMeasures(mesh, points, geometry, radii, room) if barrier != "paper" else None,
         barrier=BARRIERS[barrier],
         is_thick=bool(radii.any()),
-        radii_vary=any(bool((part != part[:, :1]).any()) for part in varying),
+        radii_vary=radii_vary(geometry, radii),
     )
+
+
+def radii_vary(geometry: CollisionGeometry, radii: FloatArray) -> bool:
+    """Whether one piece of the surface has several."""
+    return any(bool((part != part[:, :1]).any()) for part in (radii[geometry.triangles], radii[geometry.edges]))

@@ -124,6 +124,12 @@ class ContactLaws:
         """The laws of pairs of a vertex and a half-space, [n]."""
         return np.asarray(self.law_of[self.class_of[vertices], self.plane_class[planes]])
 
+    def resized(self, old: Mapping[str, int], new: Mapping[str, int]) -> ContactLaws:
+        """The same laws for objects with other numbers of vertices, name -> number in order; there and here alike."""
+        first = np.cumsum([0, *old.values()])
+        classes = [self.class_of[start] if count else 0 for start, count in zip(first, old.values(), strict=False)]
+        return replace(self, class_of=np.repeat(np.array(classes, np.int32), list(new.values())))
+
     @property
     def has_friction(self) -> bool:
         """Whether any law has."""

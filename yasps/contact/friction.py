@@ -9,10 +9,11 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
-from yasps import Attribute, FloatArray, Mesh, SceneError, constant, maximum, select
+from yasps import Attribute, Connectivity, FloatArray, Mesh, SceneError, constant, maximum, select
 from yasps.contact.active_set import Ids, Pairs
 from yasps.contact.contact_parts import ContactParts
 from yasps.contact.kinds import Kind
@@ -137,6 +138,16 @@ class Friction:
     def energies(self) -> list[Attribute]:
         """Friction of all kinds."""
         return [pairs.primitive["potential"] for pairs in self.primitives.values()]
+
+    def resized(self, count: int) -> dict[Attribute | Connectivity, Any]:
+        """What `Scene.resize` takes for so many vertices; `restart` follows."""
+        return dict.fromkeys((self._lagged, self._previous), np.zeros((count, 3)))
+
+    def restart(self, positions: FloatArray) -> None:
+        """After the scene was resized, without pairs: lagged at these positions [n, 3], from which slips count."""
+        self._lag = Lag(positions, positions, {})
+        self._lagged.update_value(positions)
+        self._previous.update_value(positions)
 
     def start_step(self, previous: FloatArray) -> None:
         """Where all vertices are at the beginning of a step, [n, 3]: slips count from there."""

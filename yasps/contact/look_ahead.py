@@ -71,7 +71,7 @@ class LookAhead:
 
     def __init__(self, parts: ContactParts, geometry: CollisionGeometry, half_spaces: HalfSpaces) -> None:
         """Adds the primitive and its energy, without springs. Raises NameTakenError."""
-        self._geometry, self._half_spaces = geometry, half_spaces
+        self.look_at(geometry, half_spaces)
         self._springs = parts.mesh.add_primitive("ahead", 0, is_dynamic=True)
         corners = self._springs.add_connectivity("vertices", parts.vertices, [], 4)
         x = self._springs.add_attribute("positions", through=corners, source=parts.vertices["position"])
@@ -80,6 +80,10 @@ class LookAhead:
         lacking = least - x.dot(along)
         self.energy = self._springs.add_attribute("push", computed_attribute=0.5 * stiffness * lacking * lacking)
         parts.mesh.scene.add_energy(self.energy)
+
+    def look_at(self, geometry: CollisionGeometry, half_spaces: HalfSpaces) -> None:
+        """Another surface of the vertices."""
+        self._geometry, self._half_spaces = geometry, half_spaces
 
     def constraints(self, start: Floats, end: Floats, candidates: Candidates) -> Constraints:
         """Of all pairs and half-spaces that are in the way from start to end [n, 3]. None is broken at the start."""

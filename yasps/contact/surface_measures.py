@@ -6,13 +6,15 @@ half of it over each of two surfaces that meet. Vertices are its points, each wi
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from functools import reduce
 from operator import add
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from yasps import Attribute, FloatArray, Mesh, Primitive, PrimitiveBase
+from yasps import Attribute, Connectivity, FloatArray, Mesh, Primitive, PrimitiveBase, SceneError
 from yasps.contact.active_set import Ids
 from yasps.contact.collision_geometry import CollisionGeometry
 
@@ -50,58 +52,150 @@ class SurfaceMeasures:
     and length L; the cross-section pi r^2 of a loose point. Rods and loose points without radius take d_hat / 2 for it.
     """
 
-    def __init__(self, mesh: Mesh, points: Primitive, geometry: CollisionGeometry, radii: FloatArray) -> None:
-        count, reach = geometry.vertex_count, geometry.activation_distance
-        triangles, edges = geometry.triangles, geometry.edges
+    def __init__(
+        self, mesh: Mesh, points: Primitive, geometry: CollisionGeometry, radii: FloatArray, room: int = 1
+    ) -> None:
+        """Adds the primitives. room: for so many triangles around a vertex, before `resized` needs a compile."""
+        pieces = _Pieces.of(geometry, radii)
         self.points, rest = points, points["rest_position"]
-        lonely = np.flatnonzero(~_is_side(edges, triangles))
-        is_point = edges[lonely, 0] == edges[lonely, 1]
-        rods, loose = lonely[~is_point], lonely[is_point]
-        self.edges = mesh.add_primitive("surface_edges", len(edges) + 1)
+        self._faces: Primitive | None = None
+        self._rods: Primitive | None = None
+        self.edges = mesh.add_primitive("surface_edges", pieces.edge_count)
         of_points: list[Attribute] = []
         of_edges: list[Attribute] = []
-        if len(triangles) > 0:
-            faces = mesh.add_primitive("surface_triangles", len(triangles))
+        if len(pieces.triangles) > 0:
+            faces = self._faces = mesh.add_primitive("surface_triangles", len(pieces.triangles))
             corners = faces.add_attribute(
-                "rest_corners", through=faces.add_connectivity("corners", points, triangles, 3), source=rest
+                "rest_corners", through=faces.add_connectivity("corners", points, pieces.triangles, 3), source=rest
             )
             a, b, c = corners
             normal = faces.add_attribute("rest_normal", computed_attribute=0.5 * (b - a).cross(c - a))
             area = faces.add_attribute("rest_area", computed_attribute=normal.norm())
-            of_points.append(_sum_of(self.points, "triangles", faces, triangles, area) / 3)
-            of_edges.append(self._area_of_edges(faces, _sides_of(edges, triangles)) / 3)
-        if len(rods) > 0:
-            rod = mesh.add_primitive("surface_rods", len(rods))
+            of_points.append(_sum_of(self.points, "triangles", faces, pieces.around_points(), area, longest=room) / 3)
+            of_edges.append(self._area_of_edges(faces, pieces) / 3)
+        if len(pieces.rods) > 0:
+            rod = self._rods = mesh.add_primitive("surface_rods", len(pieces.rods))
             start, end = rod.add_attribute(
-                "rest_ends", through=rod.add_connectivity("ends", points, edges[rods], 2), source=rest
+                "rest_ends", through=rod.add_connectivity("ends", points, pieces.ends_of_rods, 2), source=rest
             )
-            thick = rod.add_constant("width", 1, 1, value=_width(radii[edges[rods]].mean(axis=1), reach))
+            thick = rod.add_constant("width", 1, 1, value=pieces.widths_of_rods())
             side = rod.add_attribute("rest_area", computed_attribute=thick * (end - start).norm())
-            of_points.append(_sum_of(self.points, "rods", rod, edges[rods], side) / 2)
-            of_edges.append(_sum_of(self.edges, "rods", rod, rods.reshape(-1, 1), side))
-        if len(loose) > 0:
-            disc = np.zeros(count)
-            disc[edges[loose, 0]] = np.pi / 4 * _width(radii[edges[loose, 0]], reach) ** 2
-            of_edge = np.zeros(len(edges) + 1)
-            of_edge[loose] = disc[edges[loose, 0]]
-            of_points.append(self.points.add_constant("disc", 1, 1, value=disc))
-            of_edges.append(self.edges.add_constant("disc", 1, 1, value=of_edge))
+            of_points.append(_sum_of(self.points, "rods", rod, pieces.rods_at_points(), side) / 2)
+            of_edges.append(_sum_of(self.edges, "rods", rod, pieces.rods_at_edges(), side))
+        if len(pieces.loose) > 0:
+            of_points.append(self.points.add_constant("disc", 1, 1, value=pieces.discs_of_points()))
+            of_edges.append(self.edges.add_constant("disc", 1, 1, value=pieces.discs_of_edges()))
         point_area, edge_area = (reduce(add, areas) for areas in (of_points, of_edges))
         self.points.add_attribute("half_area", computed_attribute=0.5 * point_area)
         self.edges.add_attribute("half_area", computed_attribute=0.5 * edge_area)
 
-    def _area_of_edges(self, faces: Primitive, sides: NDArray[np.int64]) -> Attribute:
+    def resized(
+        self, geometry: CollisionGeometry, radii: FloatArray
+    ) -> tuple[dict[Primitive, int], dict[Attribute | Connectivity, Any]]:
+        """What `Scene.resize` takes for another surface, but for the number of points. Raises SceneError for one with
+        pieces of a kind that were not there, or that are gone."""
+        pieces = _Pieces.of(geometry, radii)
+        has_points = "disc" in self.points
+        for kind, was, found in (
+            ("triangles", self._faces is not None, pieces.triangles),
+            ("rods", self._rods is not None, pieces.rods),
+            ("loose points", has_points, pieces.loose),
+        ):
+            if was != (len(found) > 0):
+                change = "has no more" if was else "had no"
+                raise SceneError(f"contact {change} {kind}, and areas are other formulas then: make a new contact")
+        counts, parts = {self.edges: pieces.edge_count}, dict[Attribute | Connectivity, Any]()
+        if (faces := self._faces) is not None:
+            counts[faces] = len(pieces.triangles)
+            parts[faces.corners] = pieces.triangles
+            parts[self.points.triangles] = pieces.around_points()
+            parts[self.edges.triangles] = pieces.around_edges()
+            parts[self.edges["inside"]] = pieces.is_inside()
+        if (rod := self._rods) is not None:
+            counts[rod] = len(pieces.rods)
+            parts |= {rod.ends: pieces.ends_of_rods, rod["width"]: pieces.widths_of_rods()}
+            parts |= {self.points.rods: pieces.rods_at_points(), self.edges.rods: pieces.rods_at_edges()}
+        if has_points:
+            parts |= {self.points["disc"]: pieces.discs_of_points(), self.edges["disc"]: pieces.discs_of_edges()}
+        return counts, parts
+
+    def _area_of_edges(self, faces: Primitive, pieces: _Pieces) -> Attribute:
         """The areas of each edge's triangles, or the share of them with which it takes part."""
-        area = _sum_of(self.edges, "triangles", faces, sides, faces["rest_area"])
+        area = _sum_of(self.edges, "triangles", faces, pieces.around_edges(), faces["rest_area"], longest=2)
         normal = self.edges.add_attribute(
             "normals", through=self.edges.triangles, source=faces["rest_normal"], operation="sum"
         )
         # (cos of half the angle between two triangles)^2, where they are equal; a rim is as sharp as an edge can be.
         flat = normal.dot(normal) / (area * area + np.finfo(np.float64).tiny)
-        inside = self.edges.add_constant(
-            "inside", 1, 1, value=np.bincount(sides.ravel(), minlength=self.edges.num_instances) == 2
-        )
+        inside = self.edges.add_constant("inside", 1, 1, value=pieces.is_inside())
         return area * (1 - (1 - FLAT_SHARE) * inside * flat)
+
+
+_Rows = tuple[NDArray[np.int64], NDArray[np.int64]]
+"""Flat indices and how many of them each instance has."""
+
+
+@dataclass(frozen=True)
+class _Pieces:
+    """Triangles [m, 3] and edges [k, 2] of a surface; of the edges the numbers of rods and of loose points. Sides: the
+    numbers of the three edges of each triangle, [m, 3]. radii: [n] [m]."""
+
+    triangles: Ids
+    edges: Ids
+    sides: NDArray[np.int64]
+    rods: NDArray[np.int64]
+    loose: NDArray[np.int64]
+    radii: FloatArray
+    reach: float
+
+    @staticmethod
+    def of(geometry: CollisionGeometry, radii: FloatArray) -> _Pieces:
+        triangles, edges = geometry.triangles, geometry.edges
+        lonely = np.flatnonzero(~_is_side(edges, triangles))
+        is_point = edges[lonely, 0] == edges[lonely, 1]
+        sides = _sides_of(edges, triangles)
+        return _Pieces(
+            triangles, edges, sides, lonely[~is_point], lonely[is_point], radii, geometry.activation_distance
+        )
+
+    @property
+    def edge_count(self) -> int:
+        """With the one that stands for none."""
+        return len(self.edges) + 1
+
+    @property
+    def ends_of_rods(self) -> Ids:
+        return np.asarray(self.edges[self.rods])
+
+    def around_points(self) -> _Rows:
+        return _naming(self.triangles, len(self.radii))
+
+    def around_edges(self) -> _Rows:
+        return _naming(self.sides, self.edge_count)
+
+    def is_inside(self) -> NDArray[np.bool_]:
+        """Which edges are between two triangles."""
+        return np.asarray(np.bincount(self.sides.ravel(), minlength=self.edge_count) == 2)
+
+    def rods_at_points(self) -> _Rows:
+        return _naming(self.ends_of_rods, len(self.radii))
+
+    def rods_at_edges(self) -> _Rows:
+        return _naming(self.rods.reshape(-1, 1), self.edge_count)
+
+    def widths_of_rods(self) -> FloatArray:
+        return _width(self.radii[self.ends_of_rods].mean(axis=1), self.reach)
+
+    def discs_of_points(self) -> FloatArray:
+        """Cross-sections of loose points [m^2], [n]."""
+        disc, points = np.zeros(len(self.radii)), self.edges[self.loose, 0]
+        disc[points] = np.pi / 4 * _width(self.radii[points], self.reach) ** 2
+        return disc
+
+    def discs_of_edges(self) -> FloatArray:
+        disc = np.zeros(self.edge_count)
+        disc[self.loose] = self.discs_of_points()[self.edges[self.loose, 0]]
+        return disc
 
 
 def _width(radii: FloatArray, reach: float) -> FloatArray:
@@ -127,10 +221,17 @@ def _sides_of(edges: Ids, triangles: Ids) -> NDArray[np.int64]:
     return order[np.searchsorted(keys, sides[..., 0] * base + sides[..., 1], sorter=order)].reshape(-1, 3)
 
 
-def _sum_of(owner: Primitive, name: str, pieces: Primitive, ids: NDArray[np.integer], value: Attribute) -> Attribute:
-    """On each instance of the owner the sum of a value over the pieces that name it; ids: [pieces, k]."""
+def _naming(ids: NDArray[np.integer], count: int) -> _Rows:
+    """For each of `count` instances the pieces that name it; ids: [pieces, k]."""
     of_piece = np.repeat(np.arange(len(ids)), ids.shape[1])
     order = np.argsort(ids.ravel(), kind="stable")
-    counts = np.bincount(ids.ravel(), minlength=owner.num_instances)
-    around = owner.add_connectivity(name, pieces, of_piece[order], counts=counts)
+    return of_piece[order], np.bincount(ids.ravel(), minlength=count)
+
+
+def _sum_of(
+    owner: Primitive, name: str, pieces: Primitive, rows: _Rows, value: Attribute, *, longest: int = 1
+) -> Attribute:
+    """On each instance of the owner the sum of a value over the pieces that name it."""
+    indices, counts = rows
+    around = owner.add_connectivity(name, pieces, indices, counts=counts, longest=longest)
     return owner.add_attribute(f"{name}_area", through=around, source=value, operation="sum")

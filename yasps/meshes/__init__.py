@@ -5,6 +5,7 @@ from yasps.meshes.element_mesh import ElementMesh, GaussPoints, hex_box, quadrat
 from yasps.meshes.isosurface_stuffing import CoarseLatticeError, stuff_isosurface, stuff_isosurface_with_vertex_count
 from yasps.meshes.mesh_file import read_tetrahedral_mesh, write_mesh
 from yasps.meshes.rabbit_shape import rabbit
+from yasps.meshes.refinement import edges_of, hinge_angles, split_edges
 from yasps.meshes.shapes import TriangleMesh, box, cloth_grid, ground, sphere
 from yasps.meshes.surface_meshing import tetrahedra_of, tetrahedralize
 from yasps.meshes.tetrahedral_mesh import MeshError, TetrahedralMesh, signed_volumes
@@ -19,8 +20,10 @@ __all__ = [
     "TriangleMesh",
     "box",
     "cloth_grid",
+    "edges_of",
     "ground",
     "hex_box",
+    "hinge_angles",
     "hinge_stiffness",
     "hinges_of",
     "quadratic",
@@ -28,6 +31,7 @@ __all__ = [
     "read_tetrahedral_mesh",
     "signed_volumes",
     "sphere",
+    "split_edges",
     "stuff_isosurface",
     "stuff_isosurface_with_vertex_count",
     "tetrahedra_of",

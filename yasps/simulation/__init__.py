@@ -3,7 +3,8 @@
 from yasps.simulation.applied_forces import ForceField
 from yasps.simulation.checkpoints import Checkpoints
 from yasps.simulation.frames import Recorder
+from yasps.simulation.remeshing import RemeshReport
 from yasps.simulation.simulation import Simulation
 from yasps.simulation.state_files import DamagedStateError
 
-__all__ = ["Checkpoints", "DamagedStateError", "ForceField", "Recorder", "Simulation"]
+__all__ = ["Checkpoints", "DamagedStateError", "ForceField", "Recorder", "RemeshReport", "Simulation"]

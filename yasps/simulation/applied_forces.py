@@ -43,6 +43,10 @@ class AppliedForces:
                 body.vertices[name].update_value(np.zeros(body.rest.shape))
         self._fields = [field for field in self._fields if field[0] is not body]
 
+    def fields_on(self, body: Body) -> list[Attribute]:
+        """What holds the forces that fields of a body say."""
+        return [of.vertices[name] for of, name, _ in self._fields if of is body]
+
     def update(self) -> None:
         """Asks all fields. Raises DataError, ShapeMismatchError, and what fields raise; no force is changed then."""
         found = [(body.vertices[name], self._now(body, field, name)) for body, name, field in self._fields]

@@ -5,6 +5,7 @@ from __future__ import annotations
 import logging
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -102,23 +103,32 @@ def add_contact(
     union = everything.add_primitive_union("vertices", [body.vertices for body in surfaces])
     union.add_attribute("position")
     union.add_attribute("rest_position")
-    starts = union.offsets()
-    groups = [-1 if body.meets_itself else number for number, body in enumerate(surfaces)]
     return BarrierContact(
         everything,
         union,
-        np.concatenate([body.triangles + start for body, start in zip(surfaces, starts, strict=False)]),
-        edges=np.concatenate([body.edges + start for body, start in zip(surfaces, starts, strict=False)]),
-        points=np.concatenate([body.points + start for body, start in zip(surfaces, starts, strict=False)]),
-        radii=np.concatenate([body.radii() for body in surfaces]),
+        **surface_of(surfaces),
         activation_distance=activation_distance,
         barrier=options.barrier,
         stiffness=stiffness,
         table=options.table.of(body.name for body in bodies),
         moduli={body.name: body.contact_modulus for body in bodies},
         planes=[body.plane for body in bodies if isinstance(body, HalfSpace)],
-        fixed=stands_still(surfaces),
-        group=np.repeat(groups, [len(body.rest) for body in surfaces]),
-        objects={body.name: len(body.rest) for body in surfaces},
         slip_length=effective_step * options.eps_v,
+        room=max(body.room for body in surfaces),
     )
+
+
+def surface_of(bodies: Sequence[Body]) -> dict[str, Any]:
+    """The surface of bodies that have one, as contact takes it."""
+    counts = [len(body.rest) for body in bodies]
+    placed = list(zip(bodies, np.cumsum([0, *counts]), strict=False))
+    groups = [-1 if body.meets_itself else number for number, body in enumerate(bodies)]
+    return {
+        "triangles": np.concatenate([body.triangles + start for body, start in placed]),
+        "edges": np.concatenate([body.edges + start for body, start in placed]),
+        "points": np.concatenate([body.points + start for body, start in placed]),
+        "radii": np.concatenate([body.radii() for body in bodies]),
+        "fixed": stands_still(bodies),
+        "group": np.repeat(groups, counts),
+        "objects": {body.name: count for body, count in zip(bodies, counts, strict=True)},
+    }

@@ -48,10 +48,14 @@ class DrivenBodies:
             self.all.remove(self._surfaces.pop(body))
             self._scene.remove_energy(body.energies[0])
             self._scene.remove_minimize_target(body.progress)
-        for driven in [driven for driven in self.all if driven.position is body.position]:
+        for driven in self.on(body):
             assert isinstance(driven, DrivenVertices)
             driven.release()
             self.all.remove(driven)
+
+    def on(self, body: Body) -> list[Driven]:
+        """What is pinned of a body."""
+        return [driven for driven in self.all if driven.position is body.position]
 
     def velocity_of(self, obstacle: Body) -> Float64Array:
         """Velocities of an obstacle's vertices in the last step [m/s], [n, 3]; zero for one that is not driven."""

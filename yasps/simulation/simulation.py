@@ -10,15 +10,17 @@ from __future__ import annotations
 import tempfile
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
-from typing import Protocol
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike
+from scipy import sparse
 
-from yasps import Attribute, Scene, SceneError, ShapeMismatchError, YaspsError, materials
+from yasps import Attribute, Connectivity, Scene, SceneError, ShapeMismatchError, YaspsError, materials
 from yasps.bodies import Body, MovingObstacle
 from yasps.contact import BarrierContact, ContactForces, ContactTable, check_start, contact_forces
 from yasps.frontend.language.arrays import checked_count, in_instances, positive_number, real_numbers
+from yasps.meshes import TriangleMesh
 from yasps.meshes.tetrahedral_mesh import Float64Array
 from yasps.output import TimeTable
 from yasps.simulation.applied_forces import AppliedForces, ForceField
@@ -29,6 +31,7 @@ from yasps.simulation.driven_bodies import DrivenBodies
 from yasps.simulation.fingerprint import fingerprint_of
 from yasps.simulation.frames import Recorder, run_frames
 from yasps.simulation.notebook import html_of
+from yasps.simulation.remeshing import RemeshReport, remesh
 from yasps.simulation.state import restore, save, set_state, state_of
 from yasps.stepping import (
     BACKWARD_EULER,
@@ -111,6 +114,7 @@ class Simulation:
         self.contact: BarrierContact | None = None
         self._last: NewtonReport | None = None
         self._built: Mapping[str, str] | None = None
+        self._former_contacts: list[BarrierContact] = []
         self._has_contact = contact
         self._options = ContactOptions(
             ContactTable() if contacts is None else contacts, barrier, contact_stiffness, eps_v, lagging, integrator
@@ -182,6 +186,38 @@ class Simulation:
             self._forget(body)
         self._connect(before)
 
+    def remesh(
+        self,
+        body: Body,
+        shape: TriangleMesh,
+        weights: ArrayLike | sparse.sparray,
+        *,
+        positions: ArrayLike | None = None,
+        velocities: ArrayLike | None = None,
+        parts: Mapping[Attribute | Connectivity, Any] | None = None,
+    ) -> RemeshReport:
+        """Another mesh for a cloth between steps, with its state carried over. Nothing is compiled, if the cloth is
+        `refinable`.
+
+        shape: at rest. weights: [new, old], sparse or not: each new vertex is the sum of old ones with its weights,
+        which add up to 1: positions, velocities, radii and, for BDF2, those of the step before. An old vertex that all
+        the weight of a new one is on lives on in it: pins and whatever else is connected to it follow. positions [m],
+        velocities [m/s]: [n, 3], instead of the weighted ones. parts: numbers and indices of your own for what you
+        added to the cloth, as `Scene.resize` takes them.
+
+        Contact is that of the new surface; friction is lagged there anew. Mass is that of the new mesh. Where edges
+        and triangles are cut and nothing is bent, mass, momentum and centre of mass stay, and so does the stretch;
+        bending and kinetic energies jump, and the report says by how much. The contact modulus stays.
+
+        Raises SceneError for what is no cloth of this simulation or a pin whose vertex is gone, MeshError, DataError,
+        ShapeMismatchError, ConnectivityError; IntersectionError if surfaces cross at the new positions. Nothing has
+        changed then.
+        """
+        self._number_of(body)
+        report = remesh(self, body, shape, weights, positions=positions, velocities=velocities, given=parts or {})
+        self._built = None
+        return report
+
     def _check(self, bodies: Iterable[Body], *, looks: bool = True) -> list[Body]:
         """The bodies, if they can make a simulation; looks: whether where they are is looked at, too."""
         chosen = checked_bodies(bodies, self.scene, self._predicted)
@@ -239,6 +275,7 @@ class Simulation:
             if self.contact is not None:
                 for energy in self.contact.energies:
                     self.scene.remove_energy(energy)
+                self._former_contacts.append(self.contact)
             self.contact = contact
         if self._has_friction and self._settings is not None:
             self._options.warn_of(self._settings)

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import TypeAlias
 
 import numpy as np
 
@@ -11,6 +12,10 @@ from yasps import Attribute, FloatArray, SceneError
 
 ROUNDING = 64 * np.finfo(np.float64).eps
 """Relative difference of positions that are the same but for rounding."""
+
+
+Transfer: TypeAlias = Callable[[FloatArray], FloatArray]
+"""From numbers of the vertices of a mesh, [n, 3], to those of another mesh of the same thing, [m, 3]."""
 
 
 @dataclass(frozen=True)
@@ -51,6 +56,13 @@ class Moment:
     velocities: list[FloatArray]
     surface: FloatArray | None
     carried: list[FloatArray]
+
+    def resized(self, part: int, transfer: Transfer, of_surface: Transfer | None) -> Moment:
+        """The same moment with another mesh of one part."""
+        positions, velocities = list(self.positions), list(self.velocities)
+        positions[part], velocities[part] = transfer(positions[part]), transfer(velocities[part])
+        surface = self.surface if self.surface is None or of_surface is None else of_surface(self.surface)
+        return replace(self, positions=positions, velocities=velocities, surface=surface)
 
     def continues(self, other: Moment) -> bool:
         """Whether nobody has changed anything since the other moment, but for rounding."""

@@ -19,7 +19,16 @@ from yasps.output import TimeTable
 from yasps.stepping.arrival import Arrival
 from yasps.stepping.driven import Driven
 from yasps.stepping.forces import Arms, ForceMeasure, checked_arms
-from yasps.stepping.integrators import BACKWARD_EULER, Carried, Integrator, Moment, Past, checked_integrator, weighted
+from yasps.stepping.integrators import (
+    BACKWARD_EULER,
+    Carried,
+    Integrator,
+    Moment,
+    Past,
+    Transfer,
+    checked_integrator,
+    weighted,
+)
 from yasps.stepping.motion import Motion, positions_of
 from yasps.stepping.newton import minimize
 from yasps.stepping.settings import NewtonReport, NewtonSettings
@@ -56,6 +65,10 @@ class StepperState:
     carried: list[FloatArray]
     past: Past | None
     time: float
+
+
+def _sizes_of(arrays: Sequence[FloatArray]) -> list[int]:
+    return [array.size for array in arrays]
 
 
 def _of_one_instance(acceleration: ArrayLike | Attribute, target: Attribute) -> FloatArray:
@@ -157,6 +170,7 @@ class TimeStepper(InScene):
         """
         dt = self.time_step
         self._follow_targets()
+        self._check_sizes()
         here = self._moment(None if self.contact is None else self.contact.start_step())
         origin, effective = self._origin(here)
         if self.effective_step is not None and self.effective_step.value[0] != effective:
@@ -179,6 +193,47 @@ class TimeStepper(InScene):
         self.time += dt
         return report
 
+    def _check_sizes(self) -> None:
+        for part, velocity in zip(self.parts, self.velocities, strict=True):
+            assert part.position.owner is not None
+            if (count := part.position.owner.num_instances) != len(velocity):
+                raise SceneError(
+                    f"{part.position.path} has {count} instances by now, but velocities are known of {len(velocity)}: "
+                    "say what becomes of them by follow_resize, or let Simulation.remesh do all of it"
+                )
+
+    @one_thread_at_a_time
+    def follow_resize(
+        self,
+        position: Attribute,
+        transfer: Transfer,
+        velocity: FloatArray | None = None,
+        *,
+        immovable: NDArray[np.bool_] | None = None,
+        of_surface: Transfer | None = None,
+    ) -> None:
+        """After the scene was resized: what becomes of velocities, and of the step before, of a part.
+
+        transfer: from numbers of the part's vertices before, [n, 3], to those after. velocity [m/s]: of the vertices
+        now; by default the transferred one. immovable: as the attribute. of_surface: as transfer, of all vertices of
+        the contact. With BDF2 the next step goes on from the step before, if positions and velocities now are the
+        transferred ones; else it is one of backward Euler. Raises SceneError for a position that is of no part.
+        """
+        places = [k for k, part in enumerate(self.parts) if part.position is position]
+        if not places:
+            raise SceneError(f"{position.path} is of no part of this stepper")
+        (k,) = places
+        old = self.velocities[k]
+        new = transfer(old) if velocity is None else np.array(velocity, np.float64)
+        self.velocities[k] = new
+        if position in self._targets:
+            self.target_velocities[self._targets.index(position)] = new.reshape(-1).copy()
+        if immovable is not None:
+            self.immovable = immovable
+        if self.past is not None:
+            start, end = (moment.resized(k, transfer, of_surface) for moment in (self.past.start, self.past.end))
+            self.past = replace(self.past, start=start, end=end)
+
     def _moment(self, surface: FloatArray | None) -> Moment:
         """Positions and velocities as they are now."""
         return Moment(
@@ -197,7 +252,7 @@ class TimeStepper(InScene):
         """X and V of the step that begins here, and its effective step [s]; those of backward Euler where nobody can
         tell what was before: at first, and after a change."""
         past, dt = self.past, self.time_step
-        known = past is not None and past.time_step == dt and len(past.start.carried) == len(here.carried)
+        known = past is not None and past.time_step == dt and _sizes_of(past.start.carried) == _sizes_of(here.carried)
         if past is None or not known or not here.continues(past.end):
             return here, BACKWARD_EULER.share * dt
         return weighted(self.integrator.weights, [here, past.start]), self.integrator.share * dt

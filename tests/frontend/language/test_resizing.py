@@ -85,11 +85,11 @@ def part_of(scene: Scene, path: str) -> Any:
     return owner.attributes[name] if name in owner.attributes else owner.connectivities[name]
 
 
-def resize(scene: Scene, first: int, last: int, *, without: tuple[str, ...] = (), **others: Any) -> None:
+def resize(scene: Scene, first: int, last: int, *, without: tuple[str, ...] = (), **others: Any) -> Any:
     given = {part_of(scene, path): value for path, value in data(first, last).items() if path not in without}
     given |= {part_of(scene, path.replace("__", ".")): value for path, value in others.items()}
     counts = {scene.first.points: first, scene.first.links: first - 1, scene.last.points: last}
-    scene.resize(counts, given)
+    return scene.resize(counts, given)
 
 
 def results(scene: Scene, solves: tuple[dict[str, Any], ...] = SOLVES) -> list[Array]:
@@ -202,6 +202,20 @@ def test_a_dynamic_primitive_may_be_emptied_and_filled_with_the_others() -> None
     scene.gradient()
     scene.resize({scene.both.pairs: 2}, {scene.both.pairs.ends: [[0, 6], [12, 1]]})
     assert scene.both.pairs["pull"].compute().value.shape == (2,)
+
+
+def test_a_change_is_taken_back() -> None:
+    scene = nets(20, 5)
+    before, found = {path: value.copy() for path, value in scene.numbers().items()}, results(scene, ())
+    assert scene.resize(*resize(scene, 31, 4))[0] == {
+        scene.first.points: 31,
+        scene.first.links: 30,
+        scene.last.points: 4,
+    }
+    after = scene.numbers()
+    for path, value in before.items():
+        np.testing.assert_array_equal(after[path], value)
+    assert_same_bits(results(scene, ()), found)
 
 
 CASES = {

@@ -25,7 +25,53 @@ STATIC = "tests/stepping/test_quasi_static.py"
 MOTION = "yasps/stepping/motion.py"
 EULER = "yasps/stepping/time_stepper.py"
 
+REMESHING = "tests/simulation/test_remeshing.py"
+GOES_ON = (f"{REMESHING}::test_a_cloth_goes_on_with_another_mesh_and_compiles_nothing",)
+ANEW = (f"{REMESHING}::test_the_simulation_is_then_one_of_the_new_mesh",)
+
 MUTATIONS = (
+    Mutation(
+        "BDF2 begins anew on another mesh",
+        EULER,
+        "            self.past = replace(self.past, start=start, end=end)\n",
+        "            self.past = None\n",
+        GOES_ON,
+    ),
+    Mutation(
+        "velocities stay those of the old vertices",
+        EULER,
+        "        new = transfer(old) if velocity is None else np.array(velocity, np.float64)\n",
+        "        new = np.resize(old, transfer(old).shape)\n",
+        GOES_ON,
+    ),
+    Mutation(
+        "pins go to vertices that are a part of theirs",
+        "yasps/simulation/remeshing.py",
+        "alone = entries.data == 1.0",
+        "alone = entries.data > 0.0",
+        (f"{REMESHING}::test_pins_follow_and_what_a_user_added_is_asked_for",),
+    ),
+    Mutation(
+        "a refused surface leaves the scene resized",
+        "yasps/contact/barrier_contact.py",
+        "            self._scene.resize(*undo)\n",
+        "            pass\n",
+        (f"{REMESHING}::test_what_is_refused_changes_nothing",),
+    ),
+    Mutation(
+        "laws stay those of the old vertices",
+        "yasps/contact/contact_table.py",
+        "        return replace(self, class_of=np.repeat(np.array(classes, np.int32), list(new.values())))",
+        "        return replace(self, class_of=np.resize(self.class_of, sum(new.values())))",
+        ANEW,
+    ),
+    Mutation(
+        "edges with a cut on one side alone",
+        "yasps/meshes/refinement.py",
+        "more = through[cut[sides].any(axis=1) & ~cut[through]]",
+        "more = through[:0]",
+        ("tests/meshes/test_refinement.py::test_the_surface_stays",),
+    ),
     Mutation(
         "the Newton step goes uphill",
         MOTION,
@@ -323,8 +369,8 @@ MUTATIONS = (
     Mutation(
         "BDF2 goes on with another time step",
         EULER,
-        "past is not None and past.time_step == dt and len",
-        "past is not None and len",
+        "past is not None and past.time_step == dt and _sizes",
+        "past is not None and _sizes",
         (f"{BDF}::test_a_step_that_failed_leaves_what_bdf2_remembers",),
     ),
     Mutation(
