@@ -18,6 +18,12 @@ inline void store8(double* p, d8 v) { *reinterpret_cast<d8*>(p) = v; }
 
 // Adds a block, or its transpose, to the coarse matrix from this place on.
 void add(double* to, long stride, const double* block, int r, int c, bool turned) {
+    if (r == 3 && c == 3) {
+        const int down = turned ? 1 : 3, right = turned ? 3 : 1;
+        for (int i = 0; i < 3; ++i)
+            for (int j = 0; j < 3; ++j) to[i * stride + j] += block[i * down + j * right];
+        return;
+    }
     for (int i = 0; i < r; ++i)
         for (int j = 0; j < c; ++j) {
             if (turned)
@@ -27,84 +33,23 @@ void add(double* to, long stride, const double* block, int r, int c, bool turned
         }
 }
 
-// The sum of 3x3 blocks, in registers: those that follow each other mostly belong to one pair of aggregates.
-struct SumOfThrees {
-    d4 rows[3] = {};  // the fourth lanes mean nothing
-
-    void add(const double* block) {
-        for (int i = 0; i < 3; ++i) rows[i] += load_unaligned(block + 3 * i);
-    }
-    void take(double (&block)[9]) {
-        for (int i = 0; i < 3; ++i)
-            for (int j = 0; j < 3; ++j) block[3 * i + j] = rows[i][j];
-        *this = {};
-    }
-};
-
-// Adds P^T A P for the blocks of a group, the rows of these aggregates; the lower triangle.
-struct GroupOfPart {
-    CoarseSpace& c;
-    const Structure& s;
-    const Aggregates& aggregates;
-    Range own;
-
-    bool takes_part(int row, int col) const { return c.place[row] != c.length && c.place[col] != c.length; }
-    bool owns(int above, int beside) const {
-        const int below = above > beside ? above : beside;
-        return below >= own.begin && below < own.end;
-    }
-    // The sum of the blocks of one pair of aggregates. diagonal: the blocks are their own transposes.
-    void add_pair(int above, int beside, const double* block, int rows, int cols, bool diagonal) const {
-        const int i = aggregates.first[above], j = aggregates.first[beside];
-        double* const lower = &c.matrix[i >= j ? i * c.stride + j : j * c.stride + i];
-        add(lower, c.stride, block, rows, cols, i < j);
-        if (i == j && !diagonal) add(lower, c.stride, block, rows, cols, true);
-    }
-
-    void add_all(const Group& group, const double* block) const {
+// Adds P^T A P for the rows of these aggregates; the lower triangle.
+void add_part(CoarseSpace& c, const Structure& s, const double* values, const Aggregates& aggregates, Range own) {
+    const int absent = static_cast<int>(c.length);
+    for (int g = 0; g < s.group_count; ++g) {
+        const Group& group = s.groups[g];
+        const double* block = values + group.first_value;
         for (long k = group.first_block; k < group.first_block + group.count; ++k, block += group.rows * group.cols) {
             const int row = s.row[k], col = s.col[k];
             const int above = aggregates.of[row], beside = aggregates.of[col];
-            if (takes_part(row, col) && owns(above, beside))
-                add_pair(above, beside, block, group.rows, group.cols, row == col);
+            const int below = above > beside ? above : beside;
+            if (below < own.begin || below >= own.end) continue;
+            if (c.place[row] == absent || c.place[col] == absent) continue;
+            const int i = aggregates.first[above], j = aggregates.first[beside];
+            double* const lower = &c.matrix[i >= j ? i * c.stride + j : j * c.stride + i];
+            add(lower, c.stride, block, group.rows, group.cols, i < j);
+            if (i == j && row != col) add(lower, c.stride, block, group.rows, group.cols, true);
         }
-    }
-
-    // The same for 3x3 blocks. Sums end where the pair changes, whoever owns it: so they are the same for any threads.
-    void add_threes(const Group& group, const double* block) const {
-        SumOfThrees apart, diagonal;
-        int above = -1, beside = -1;
-        bool owned = false;
-        const auto flush = [&] {
-            double sum[9];
-            apart.take(sum);
-            add_pair(above, beside, sum, 3, 3, false);
-            diagonal.take(sum);
-            if (above == beside) add_pair(above, beside, sum, 3, 3, true);
-        };
-        for (long k = group.first_block; k < group.first_block + group.count; ++k, block += 9) {
-            const int row = s.row[k], col = s.col[k];
-            if (!takes_part(row, col)) continue;
-            if (aggregates.of[row] != above || aggregates.of[col] != beside) {
-                if (owned) flush();
-                above = aggregates.of[row], beside = aggregates.of[col];
-                owned = owns(above, beside);
-            }
-            if (owned) (row == col ? diagonal : apart).add(block);
-        }
-        if (owned) flush();
-    }
-};
-
-void add_part(CoarseSpace& c, const Structure& s, const double* values, const Aggregates& aggregates, Range own) {
-    const GroupOfPart adding = {c, s, aggregates, own};
-    for (int g = 0; g < s.group_count; ++g) {
-        const Group& group = s.groups[g];
-        const double* const blocks = values + group.first_value;
-        if (group.rows == 3 && group.cols == 3)
-            adding.add_threes(group, blocks);
-        else
-            adding.add_all(group, blocks);
     }
 }
 

@@ -124,7 +124,7 @@ MUTATIONS = (
     Mutation(
         "two levels: a block inside of an aggregate counts once",
         COARSE,
-        "if (i == j && !diagonal) add(",
+        "if (i == j && row != col) add(",
         "if (false) add(",
         (f"{TWO_LEVEL}::test_iterations_are_those_of_textbook_pcg",),
     ),
@@ -190,13 +190,6 @@ MUTATIONS = (
         "longer = min(max(2 * self.wait, self.SHORTEST_WAIT), self.LONGEST_WAIT)",
         "longer = self.SHORTEST_WAIT",
         (f"{TWO_LEVEL}::test_auto_loses_little_to_the_better_one",),
-    ),
-    Mutation(
-        "two levels: sums of blocks end with a thread's share",
-        COARSE,
-        "if (!takes_part(row, col)) continue;",
-        "if (!takes_part(row, col) || !owns(aggregates.of[row], aggregates.of[col])) continue;",
-        (f"{TWO_LEVEL}::test_same_bits_for_any_number_of_threads",),
     ),
     Mutation(
         "direct: SuperLU gets the upper triangle only",
