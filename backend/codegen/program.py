@@ -53,32 +53,50 @@ class Program:
         self.log.append(CompiledModule("link", linked.seconds, linked.cached, 0))
         self._library = ctypes.CDLL(str(linked.path))
         self._arguments = {name: (ctypes.c_void_p * max(1, len(c.bindings)))() for name, c in self.codes.items()}
-        reads: dict[Binding, int] = {}  # many objects read the same
-        self._entries: list[tuple[ctypes.Array[ctypes.c_void_p], int, int]] = []
+        self._functions: dict[tuple[str, str], int] = {}
+        # Many objects read the same. Of each thing that is read: its address, and where that stands.
+        self._numbers: dict[Binding, int] = {}
+        self._places: list[list[tuple[ctypes.Array[ctypes.c_void_p], int]]] = []
+        self._elsewhere: list[tuple[ctypes.Array[ctypes.c_void_p], int, int]] = []
         for name, emitted in self.codes.items():
             array = self._arguments[name]
             for k, binding in enumerate(emitted.bindings):
                 if binding.kind == "arguments":
                     array[k] = ctypes.addressof(self._arguments[binding.name])
                 else:
-                    self._entries.append((array, k, reads.setdefault(binding, len(reads))))
-        self._reads = list(reads)
+                    number = self._numbers.setdefault(binding, len(self._places))
+                    if number == len(self._places):
+                        self._places.append([])
+                    self._places[number].append((array, k))
+        self._addresses: list[int | None] = [None] * len(self._places)
 
     def bind(self, address_of: Callable[[Binding], int]) -> None:
         """Points all objects to the scene's arrays; again whenever an array has moved."""
-        addresses = [address_of(binding) for binding in self._reads]
-        for array, k, read in self._entries:
-            array[k] = addresses[read]
+        for array, k, number in self._elsewhere:
+            array[k] = self._addresses[number]
+        self._elsewhere.clear()
+        for number, binding in enumerate(self._numbers):
+            address = address_of(binding)
+            if self._addresses[number] == address:
+                continue
+            self._addresses[number] = address
+            for array, k in self._places[number]:
+                array[k] = address
 
     def point(self, name: str, binding: Binding, address: int) -> None:
         """Points one object elsewhere, until the next `bind`."""
-        self._arguments[name][self.codes[name].bindings.index(binding)] = address
+        k = self.codes[name].bindings.index(binding)
+        self._arguments[name][k] = address
+        self._elsewhere.append((self._arguments[name], k, self._numbers[binding]))
 
     def function(self, name: str, entry: str) -> int:
         """Address of an entry point of the object that defines `name`."""
-        symbol = getattr(self._library, f"{self.codes[name].symbol}_{entry}")
-        address = ctypes.cast(symbol, ctypes.c_void_p).value
-        assert address is not None
+        address = self._functions.get((name, entry))
+        if address is None:
+            symbol = getattr(self._library, f"{self.codes[name].symbol}_{entry}")
+            address = ctypes.cast(symbol, ctypes.c_void_p).value
+            assert address is not None
+            self._functions[name, entry] = address
         return address
 
     def arguments(self, name: str) -> int:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from abc import ABC, abstractmethod
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -111,6 +111,19 @@ class _Reads:
             stack.extend(new)
 
 
+def _followed(connectivities: Iterable[Connectivity], owners: Iterable[Entity]) -> set[Entity]:
+    """Those whose number of instances others must fit: targets of connectivities, and members of unions."""
+    found: set[Entity] = set()
+    stack: list[Entity] = [connectivity.target for connectivity in connectivities]
+    stack += [owner for owner in owners if isinstance(owner, PrimitiveUnion)]
+    while stack:
+        entity = stack.pop()
+        if entity not in found:
+            found.add(entity)
+            stack += entity.members if isinstance(entity, PrimitiveUnion) else ()
+    return found
+
+
 class CompiledScene(InScene, ABC):
     """Machine code for energies, targets and outputs of a scene, bound to its arrays."""
 
@@ -131,6 +144,8 @@ class CompiledScene(InScene, ABC):
         self._connected = set(self.emitter.connected.values())
         for connectivity in self._connected:
             connectivity.compiled_arity = max(connectivity.compiled_arity, connectivity.arity)
+        self._unchecked: set[Entity] = set(self._owners)  # may have numbers or indices that do not fit
+        self._followed = _followed(self._connected, self._owners)
         self._static_reads = _Reads([energy.attribute for energy in request.energies if not energy.dynamic])
         self._bound = False
         self._static_valid = False
@@ -240,6 +255,7 @@ class CompiledScene(InScene, ABC):
         """The owner's arrays are new ones: pointers must be taken again."""
         if self._reads(owner):
             self._bound = False
+            self._unchecked.add(owner)
 
     def _reads(self, owner: Entity) -> bool:
         return not isinstance(owner, PrimitiveBase) or owner in self._owners
@@ -252,12 +268,14 @@ class CompiledScene(InScene, ABC):
         self._dynamic_valid = False
         if connectivity in self._static_reads.connectivities:
             self._static_valid = False
+        self._unchecked.add(connectivity.source)
 
     def size_changed(self, owner: Entity) -> None:
         """A number of instances changed: of targets and of union members it moves all that comes after them."""
         if not self._reads(owner):
             return
         self._bound = False
+        self._unchecked |= self._owners if owner in self._followed else {owner}
         self._dynamic_valid = False
         if owner in self._static_reads.owners or any(target.owner is owner for target in self.targets):
             self._static_valid = False
@@ -285,7 +303,7 @@ class CompiledScene(InScene, ABC):
                 "for; "
                 "call scene.compile() again"
             )
-        for owner in self.emitter.owners.values():
+        for owner in self._owners & self._unchecked:
             owner.check_consistent()
         start = 0
         for target in self.targets:
@@ -300,6 +318,7 @@ class CompiledScene(InScene, ABC):
             if isinstance(owner, PrimitiveUnion):
                 _set_if_new(self._offsets, symbol, owner.offsets())
         self._point()
+        self._unchecked.clear()
         self._bound = True
 
     @one_thread_at_a_time
@@ -421,7 +440,12 @@ class CompiledScene(InScene, ABC):
     @one_thread_at_a_time
     def energies(self) -> dict[str, FloatArray]:
         """Each energy on all its instances, by path, [instances]."""
-        return {term.symbol: self._run(term.symbol, term.count, (1, 1)).reshape(-1) for term in self._terms}
+        self.bind()
+        none = np.empty(0)
+        return {
+            term.symbol: self._run(term.symbol, count, (1, 1)).reshape(-1) if (count := term.count) else none
+            for term in self._terms
+        }
 
     @one_thread_at_a_time
     def hessian(self) -> Hessian:

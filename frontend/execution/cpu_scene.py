@@ -148,7 +148,7 @@ class CpuScene(CompiledScene):
         assert term.derivative is not None
         if order is None or not isinstance(term.owner, Primitive):
             return None
-        reads = own_reads(self.program, term.derivative, term.owner, self.emitter, self.targets)
+        reads = own_reads(self.program, term.derivative, term.owner, self.emitter)
         return None if reads is None else OrderedReads(self.program, term.derivative, order, *reads)
 
     def _derive(

@@ -7,7 +7,7 @@ that order.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from typing import TypeVar
 
 import numpy as np
@@ -16,7 +16,6 @@ from numpy.typing import NDArray
 from yasps.backend.codegen.object_text import Binding
 from yasps.backend.codegen.program import Program
 from yasps.frontend.execution.emit import SceneEmitter
-from yasps.frontend.language.attribute import Attribute
 from yasps.frontend.language.connectivity import Connectivity
 from yasps.frontend.language.nodes import Stored
 from yasps.frontend.language.primitive import Primitive, PrimitiveBase, PrimitiveUnion
@@ -79,13 +78,12 @@ class OrderedReads:
 
 
 def own_reads(
-    program: Program, derivative: str, owner: Primitive, emitter: SceneEmitter, targets: Sequence[Attribute]
+    program: Program, derivative: str, owner: Primitive, emitter: SceneEmitter
 ) -> tuple[dict[Binding, Stored], dict[Binding, Connectivity]] | None:
     """What the kernel's pointers lead to whose rows are the instances of `owner`; None where they must stay in order.
 
     That is where the kernel hands the number of an instance on to another object, or reaches numbers of `owner` through
-    a JOIN from `owner` to itself or to a union with it as well; and where it reads targets of `owner`, which change all
-    the time.
+    a JOIN from `owner` to itself or to a union with it as well.
     """
     numbers: dict[Binding, Stored] = {}
     indices: dict[Binding, Connectivity] = {}
@@ -95,8 +93,6 @@ def own_reads(
             if attribute is None or attribute.owner is not owner:  # numbers of formulas are the scene's
                 continue
             assert isinstance(attribute.node, Stored)
-            if any(target is attribute for target in targets):
-                return None
             numbers[binding] = attribute.node
         elif binding.kind == "indices":
             connectivity = emitter.connected[binding.name]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -15,6 +16,7 @@ from yasps.contact import ContactTable
 from yasps.frontend.execution.scene_source import CompileRequest, watching_compiles
 from yasps.meshes import MeshError, TriangleMesh, cloth_grid, edges_of, sphere, split_edges
 from yasps.simulation import Simulation
+from yasps.simulation.state_files import write_arrays
 from yasps.stepping import BACKWARD_EULER, BDF2, DrivenVertices, Integrator
 
 Floats = NDArray[np.float64]
@@ -244,18 +246,51 @@ def test_sizes_that_others_changed_are_noticed() -> None:
         free.step()
 
 
-def test_states_are_of_one_mesh(tmp_path: Any) -> None:
-    simulation, cloth = draped(integrator=BACKWARD_EULER)
-    steps(simulation, 1)
+def test_a_state_has_its_mesh(tmp_path: Path) -> None:
+    """It is restored in a simulation of any other mesh of the same cloth: to the last bit, with pins."""
+    simulation, cloth = draped()
+    pins = simulation.pin(cloth, [4, 20])
+    steps(simulation, 3)
     simulation.save(tmp_path / "coarse.npz")
-    simulation.remesh(cloth, *finer(cloth))
-    steps(simulation, 1)
-    simulation.save(tmp_path / "fine.npz")
-    with pytest.raises(SceneError, match="body cloth is Cloth of 25 vertices there and"):
-        simulation.restore(tmp_path / "coarse.npz")
-    ends = []
+    coarse, ends = cloth.rest, []
+
+    def goes_on(count: int) -> None:
+        steps(simulation, count)
+        ends.append((cloth.positions(), cloth.triangles))
+
+    shape, weights = finer(cloth)
+    order = np.roll(np.arange(len(shape.vertices)), 7)
+    shape = TriangleMesh(shape.vertices[order], np.argsort(order)[shape.triangles].astype(np.int32))
     for _ in range(2):
-        steps(simulation, 2)
-        ends.append(cloth.positions())
-        simulation.restore(tmp_path / "fine.npz")
-    np.testing.assert_array_equal(*ends)
+        simulation.remesh(cloth, shape, weights[order])
+        steps(simulation, 1)
+        simulation.save(tmp_path / "fine.npz")
+        goes_on(2)
+        simulation.restore(tmp_path / "coarse.npz")
+        np.testing.assert_array_equal(cloth.rest, coarse)
+        np.testing.assert_array_equal(pins.vertices, [4, 20])
+    simulation.restore(tmp_path / "fine.npz")
+    goes_on(2)
+    simulation, cloth = draped()
+    simulation.pin(cloth, [4, 20])
+    simulation.restore(tmp_path / "fine.npz")
+    goes_on(2)
+    for positions, triangles in ends[1:]:
+        np.testing.assert_array_equal(triangles, ends[0][1])
+        np.testing.assert_array_equal(positions, ends[0][0])
+
+    arrays = dict(np.load(tmp_path / "coarse.npz"))
+    simulation.save(tmp_path / "before.npz")
+    before = everything(simulation)
+    for name, wrong in (("velocity/cloth", np.zeros((3, 3))), ("target/cloth.vertices.position", np.zeros(75))):
+        write_arrays(tmp_path / "wrong.npz", arrays | {f"state/{name}": wrong})
+        with pytest.raises((SceneError, IntersectionError)):
+            simulation.restore(tmp_path / "wrong.npz")
+        after = everything(simulation)
+        assert simulation.contact is not None
+        for path in before.keys() - set(simulation.contact.paths_of_pairs()):  # which every step sets
+            np.testing.assert_array_equal(after[path], before[path], err_msg=path)
+    goes_on(1)
+    simulation.restore(tmp_path / "before.npz")
+    goes_on(1)
+    np.testing.assert_array_equal(ends[-1][0], ends[-2][0])

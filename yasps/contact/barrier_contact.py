@@ -224,20 +224,23 @@ class BarrierContact(InScene):
         fixed: ArrayLike | None = None,
         group: ArrayLike | None = None,
         objects: Mapping[str, int] | None = None,
+        is_free: bool = False,
     ) -> None:
         """Resizes primitives that the vertices come from, together with their surface, all or none.
 
         counts, parts: as `Scene.resize` takes them; contact adds its own, and nothing is compiled, but for more
         triangles around a vertex than there is `room` for. The rest describes all of the new surface, as when contact
         was made; rest_positions [n, 3] are those that the parts lead to. Pairs are found anew; friction is lagged at
-        the new positions, and slips count from there.
+        the new positions, and slips count from there. is_free: says that nothing was moved and no surfaces cross, for
+        callers who set positions and look right after.
 
         Raises IntersectionError, with names, if surfaces cross at the new positions, or positions were changed from
         outside since the last step and something is in the way. Raises SceneError for other objects than before, for
         pieces of a kind that was not there, and for radii that vary or are there at all only now; what `Scene.resize`
         raises. Nothing has changed then.
         """
-        self.check_way()
+        if not is_free:
+            self.check_way()
         rest, old = checked_points(rest_positions, "rest_positions"), self.geometry.objects
         objects = {name: len(rest) for name in old} if objects is None else objects
         if list(objects) != list(old):
@@ -254,8 +257,9 @@ class BarrierContact(InScene):
         undo = self._scene.resize({**counts, **of_surface[0]}, {**parts, **of_surface[1]})
         try:
             where = self.positions()
-            geometry.check_intersection_free(where)
-            half_spaces.check_free(where, geometry.names.of)
+            if not is_free:
+                geometry.check_intersection_free(where)
+                half_spaces.check_free(where, geometry.names.of)
             has_own_rest = "vertex" in self.parts.points.connectivities
             if has_own_rest and not np.array_equal(self.parts.vertices["rest_position"].value, rest.ravel()):
                 raise SceneError("rest_positions are not those of the vertices after they were resized")

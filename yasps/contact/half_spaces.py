@@ -47,7 +47,9 @@ class HalfSpaces:
 
     def _gaps(self, positions: Floats, plane: int) -> Floats:
         ids = self._vertices[plane]
-        return np.asarray((positions[ids] - self.points[plane]) @ self.normals[plane] - self._radii[ids])
+        ways = positions[ids] - self.points[plane]
+        # Not by BLAS, whose threads spin for a while afterwards.
+        return np.asarray(np.einsum("md,d->m", ways, self.normals[plane]) - self._radii[ids])
 
     def close(self, positions: Floats) -> tuple[PlanePairs, float]:
         """Vertices nearer than d_hat to a plane, by plane and vertex; and the smallest gap of all [m]."""

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+from itertools import pairwise
 from pathlib import Path
 from types import TracebackType
 from typing import Final, Self
@@ -62,7 +64,7 @@ def make_picture(
 
 
 def make_animation(
-    file: str | os.PathLike[str] | Series,
+    file: str | os.PathLike[str] | Series | Sequence[str | os.PathLike[str] | Series],
     path: str | os.PathLike[str],
     *,
     field: str | None = None,
@@ -71,12 +73,14 @@ def make_animation(
     size: tuple[int, int] = (960, 720),
     frames_per_second: float = 30.0,
 ) -> Path:
-    """Draws a results file as a video whose time runs as that of the world, times `view.speed`.
+    """Draws a results file, or several that follow each other, as a video whose time runs as that of the world, times
+    `view.speed`.
 
     Args:
         path: ends in `.mp4`, `.gif` or `.webp`; see `Animation`.
         frames_per_second: at most; no frame of the file is shown twice.
-        file, field, forces, view, size: as in `make_picture`.
+        file: as in `make_picture`; or the `files` of a `FrameRecorder`, whose times grow from one to the next.
+        field, forces, view, size: as in `make_picture`.
 
     Returns:
         The file, which is a `.gif` if there is no ffmpeg for an `.mp4`.
@@ -84,14 +88,24 @@ def make_animation(
     Raises:
         OutputFileError, PictureError, PicturesUnavailable.
     """
-    series = file if isinstance(file, Series) else read_series(file)
-    chosen, pace = frames_to_show(series.times, (view or series.view).speed, frames_per_second)
-    with (
-        Animation(path, pace) as animation,
-        MotionPictures(series, chosen, field=field, forces=forces, view=view, size=size) as pictures,
-    ):
-        for k in range(len(chosen)):
-            animation.add(pictures.show(k))
+    given = [file] if isinstance(file, str | os.PathLike | Series) else list(file)
+    parts = [one if isinstance(one, Series) else read_series(one) for one in given]
+    times = np.concatenate([series.times for series in parts])
+    if (np.diff(times) <= 0).any():
+        raise PictureError("Files of one animation follow each other, but the times of these don't grow.")
+    view = parts[0].view if view is None else view
+    chosen, pace = frames_to_show(times, view.speed, frames_per_second)
+    starts = np.cumsum([0, *(len(series) for series in parts)])
+    shown = [[k - start for k in chosen if start <= k < end] for start, end in pairwise(starts.tolist())]
+    if len(parts) > 1:
+        boxes = np.array([seen_box(series, range(len(series)), view) for series in parts])
+        view = replace(view, camera="whole", bounds=(tuple(boxes[:, 0].min(axis=0)), tuple(boxes[:, 1].max(axis=0))))
+    with Animation(path, pace) as animation:
+        for series, frames in zip(parts, shown, strict=True):
+            if frames:
+                with MotionPictures(series, frames, field=field, forces=forces, view=view, size=size) as pictures:
+                    for k in range(len(frames)):
+                        animation.add(pictures.show(k))
     return animation.path
 
 
@@ -241,7 +255,7 @@ def level_height(series: Series, body: RecordedBody) -> float | None:
     return float(z[0]) if np.ptp(z) == 0 else None
 
 
-def seen_box(series: Series, frames: list[int], view: View) -> Floats:
+def seen_box(series: Series, frames: Sequence[int], view: View) -> Floats:
     """Lowest and highest corner of what a picture shows [m], [2, 3]: what moves, and obstacles that are not much
     larger."""
     if view.bounds is not None:

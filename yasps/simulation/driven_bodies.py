@@ -111,12 +111,13 @@ class DrivenBodies:
     # -- state ---------------------------------------------------------------------------------------------
 
     def state(self) -> dict[str, Float64Array]:
-        """Ways of obstacles; what holds each of the driven, how fast it is, whether it was released, and where it was
-        told to be; by name."""
+        """Ways of obstacles; what holds each of the driven, how fast it is, which vertices, whether it was released,
+        and where it was told to be; by name."""
         numbers = {f"{part}/{body.name}": body.vertices[part].value for body in self._surfaces for part in WAY}
         for k, driven in enumerate(self.all):
             numbers |= {f"multiplier/{k}": driven.multiplier.copy(), f"driven_velocity/{k}": driven.velocity.copy()}
             numbers[f"is_released/{k}"] = np.array(float(driven.is_released))
+            numbers[f"driven_vertices/{k}"] = driven.vertices.astype(np.float64)
             if isinstance(driven.motion, np.ndarray) and driven.motion.shape == (len(driven.vertices), 3):
                 numbers[f"motion/{k}"] = driven.motion.copy()
         return numbers
@@ -130,6 +131,7 @@ class DrivenBodies:
             driven.multiplier = np.array(state[f"multiplier/{k}"])
             driven.velocity = np.array(state[f"driven_velocity/{k}"])
             driven.is_released = bool(state[f"is_released/{k}"])
+            driven.vertices = state[f"driven_vertices/{k}"].astype(np.int64)
             if f"motion/{k}" in state:
                 driven.motion = np.array(state[f"motion/{k}"])
 

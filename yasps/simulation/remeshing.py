@@ -113,8 +113,11 @@ def _resize(
     mesh: tuple[TriangleMesh, Float64Array],
     counts: Mapping[Primitive, int],
     parts: Mapping[Attribute | Connectivity, Any],
+    *,
+    is_free: bool = False,
 ) -> None:
-    """Resizes the scene, with contact if there is any; mesh: the new one, with the radius of its vertices."""
+    """Resizes the scene, with contact if there is any; mesh: the new one, with the radius of its vertices. is_free: not
+    looked at whether surfaces cross."""
     contact = simulation.contact
     if contact is None:
         simulation.scene.resize(counts, parts)
@@ -127,7 +130,64 @@ def _resize(
         rest = np.concatenate([one.rest for one in surfaces])
     finally:
         body.take(*old)
-    contact.resize(counts, parts, rest_positions=rest, **surface)
+    contact.resize(counts, parts, rest_positions=rest, is_free=is_free, **surface)
+
+
+def take_meshes(simulation: Simulation, numbers: Mapping[str, NDArray[Any]]) -> None:
+    """Gives each cloth the mesh that it has in numbers of the scene, by their paths, if that is another; surfaces may
+    cross, and velocities are zero. All else is for the caller to set."""
+    for body in simulation.bodies:
+        if isinstance(body, Cloth):
+            rest = numbers[f"{body.vertices.path}.rest_position"].reshape(-1, 3)
+            triangles = numbers[f"{body.triangle_elements.path}.corners"]
+            if not (np.array_equal(rest, body.rest) and np.array_equal(triangles, body.triangles)):
+                _take_mesh(simulation, body, TriangleMesh(rest.copy(), triangles.copy()), numbers)
+
+
+def _take_mesh(simulation: Simulation, body: Cloth, shape: TriangleMesh, numbers: Mapping[str, NDArray[Any]]) -> None:
+    counts, parts = {}, Parts()
+    for path in numbers:
+        primitive, part = _part_of(body, path)
+        if primitive is None or part is None:
+            continue
+        leads = isinstance(part, Connectivity) and part.target is body.vertices
+        if primitive.mesh is body.mesh or leads:
+            counts[primitive] = len(numbers[path])
+    for path, value in numbers.items():
+        primitive, part = _part_of(body, path)
+        if primitive in counts and part is not None:
+            is_variable = isinstance(part, Connectivity) and part.is_variable
+            parts[part] = (value[value >= 0], (value >= 0).sum(axis=1)) if is_variable else value
+    for former in simulation._former_contacts:
+        of_former = former.emptied()
+        counts |= of_former[0]
+        parts |= of_former[1]
+    radius, contact = body.radius, simulation.contact
+    if radius.ndim:
+        radius = np.zeros(len(shape.vertices))
+        if contact is not None:
+            first = _first_vertex(simulation, body)
+            of_all = numbers[f"{contact.parts.points.path}.radius"].reshape(-1)
+            radius = of_all[first : first + len(radius)].copy()
+    _resize(simulation, body, (shape, radius), counts, parts, is_free=True)
+    body.take(shape, radius)
+    simulation.stepper.follow_resize(
+        body.position,
+        lambda _: np.zeros(shape.vertices.shape),
+        immovable=None if contact is None else stands_still(simulation.bodies),
+    )
+
+
+def _part_of(body: Body, path: str) -> tuple[Primitive | None, Attribute | Connectivity | None]:
+    """A primitive, and its stored attribute or connectivity of a path; None where it is of a mesh, a union or the
+    scene."""
+    *owner, name = path.split(".")
+    if len(owner) < 2:
+        return None, None
+    primitive = getattr(getattr(body.scene, owner[0]), owner[1])
+    if not isinstance(primitive, Primitive):
+        return None, None
+    return primitive, primitive.connectivities.get(name) or primitive.attributes.get(name)
 
 
 def _first_vertex(simulation: Simulation, body: Body) -> int:
@@ -181,12 +241,9 @@ def _renumbered(body: Body, successor: NDArray[np.int64], known: set[Attribute |
     out, so that the scene asks for it."""
     parts: Parts = {}
     for path in body.scene.numbers():
-        *owner, name = path.split(".")
-        if len(owner) < 2:  # of the scene or a mesh, which has no connectivities
-            continue
-        primitive = getattr(getattr(body.scene, owner[0]), owner[1])
-        connectivity = primitive.connectivities.get(name)
-        if connectivity is None or connectivity.target is not body.vertices or connectivity in known:
+        _, connectivity = _part_of(body, path)
+        leads = isinstance(connectivity, Connectivity) and connectivity.target is body.vertices
+        if not isinstance(connectivity, Connectivity) or not leads or connectivity in known:
             continue
         old = connectivity.indices
         rows = _followed(old, successor)

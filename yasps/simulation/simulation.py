@@ -214,9 +214,8 @@ class Simulation:
         changed then.
         """
         self._number_of(body)
-        report = remesh(self, body, shape, weights, positions=positions, velocities=velocities, given=parts or {})
-        self._built = None
-        return report
+        self._fingerprint()  # of what it was made of, which another mesh does not change
+        return remesh(self, body, shape, weights, positions=positions, velocities=velocities, given=parts or {})
 
     def _check(self, bodies: Iterable[Body], *, looks: bool = True) -> list[Body]:
         """The bodies, if they can make a simulation; looks: whether where they are is looked at, too."""

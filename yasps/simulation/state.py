@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from yasps import SceneError, YaspsError
 from yasps.meshes.tetrahedral_mesh import Float64Array
 from yasps.simulation.fingerprint import difference, own_numbers
+from yasps.simulation.remeshing import take_meshes
 from yasps.simulation.state_files import DamagedStateError, read_arrays, write_arrays
 
 if TYPE_CHECKING:
@@ -92,16 +93,20 @@ def restore(simulation: Simulation, file: Path, built: Mapping[str, str]) -> Non
         raise SceneError(f"{file} is a state of another simulation: {differs}")
     state, numbers = (_without(prefix, arrays) for prefix in (STATE, NUMBERS))
     here, numbers_here = state_of(simulation), own_numbers(simulation)
-    differs = difference(_shapes(state), _shapes(here))
     # Of a dynamic primitive there may be another number of instances now; what does not fit is not set.
-    differs = differs or difference(dict.fromkeys(numbers, ""), dict.fromkeys(numbers_here, ""))
+    differs = difference(dict.fromkeys(numbers, ""), dict.fromkeys(numbers_here, ""))
     if differs is not None:
         raise SceneError(f"{file} is a state of another simulation: {differs}")
     before = {name: value.copy() for name, value in numbers_here.items()}
     try:
+        take_meshes(simulation, numbers)
+        differs = difference(_shapes(state), _shapes(state_of(simulation)))
+        if differs is not None:
+            raise SceneError(f"{file} is a state of another simulation: {differs}")
         simulation.scene.set_numbers(numbers)
         set_state(simulation, state)
     except YaspsError:
+        take_meshes(simulation, before)
         simulation.scene.set_numbers(before)
         set_state(simulation, here)
         raise

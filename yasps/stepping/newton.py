@@ -120,7 +120,7 @@ class Minimization:
         with self.times.stage("energy"):
             if not self.settings.asks_for_forces:
                 return self.scene.total_energy()
-            values = self.scene.energy_values().values()
+            values = [one for one in self.scene.energy_values().values() if one.size]
             size = float(sum(np.abs(one).sum() for one in values))
             if np.isfinite(size):
                 self.rounding = INDISTINCT * size
@@ -378,12 +378,14 @@ class _LineSearch:
         self.motion.move(self.direction.of_targets, step)
         self.now = self.direction.end if step == 1.0 else self.newton.positions()
         if self.newton.contact is not None:
-            way = self.before + step * (self.direction.end - self.before)
-            # With a nonlinear parameterisation the vertices are elsewhere than the bound was made for.
-            curved = np.abs(self.now - way).max(initial=0.0) > CURVED * np.abs(way).max(initial=0.0)
-            if curved and self.bound(self.now) < 1.0:
+            if step != 1.0 and self.leaves_way(step) and self.bound(self.now) < 1.0:
                 return np.inf
             self.newton.find_contacts(self.now, self.candidates)
             if self.newton.contact.active.overlaps:
                 return np.inf
         return self.newton.energy()
+
+    def leaves_way(self, step: float) -> bool:
+        """Whether the vertices are elsewhere than the bound was made for, with a nonlinear parameterisation."""
+        way = self.before + step * (self.direction.end - self.before)
+        return bool(np.abs(self.now - way).max(initial=0.0) > CURVED * np.abs(way).max(initial=0.0))

@@ -95,19 +95,6 @@ def test_an_error_names_the_instance_of_the_user() -> None:
         c.compiled.assemble()
 
 
-def test_targets_of_the_primitive_itself_keep_their_order() -> None:
-    scene = Scene("own", threads=1)
-    points = scene.add_mesh("m").add_primitive("points", POINTS)
-    rng = np.random.default_rng(1)
-    given = rng.normal(0, 1, POINTS)
-    x = points.add_attribute("x", 1, 1, value=given)
-    scene.add_energy(points.add_attribute("energy", computed_attribute=x * x))
-    scene.add_minimize_target(x)
-    compiled = scene.compile()
-    assert np.allclose(compiled.assemble(), 2 * given)
-    assert compiled.placements[compiled._terms[0].symbol].ordered is None
-
-
 @pytest.mark.parametrize("count", [FEWEST_BLOCKS, 70_000])  # the latter does not fit in 16 bits
 def test_order_follows_the_first_block_that_counts(count: int) -> None:
     kappa = np.column_stack([np.arange(count)[::-1] + 1, np.zeros(count)]).astype(np.int32)

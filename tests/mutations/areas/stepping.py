@@ -66,6 +66,27 @@ MUTATIONS = (
         ANEW,
     ),
     Mutation(
+        "a state is restored without its mesh",
+        "yasps/simulation/state.py",
+        "        take_meshes(simulation, numbers)\n",
+        "",
+        (f"{REMESHING}::test_a_state_has_its_mesh",),
+    ),
+    Mutation(
+        "pinned vertices are no part of a state",
+        "yasps/simulation/driven_bodies.py",
+        '            driven.vertices = state[f"driven_vertices/{k}"].astype(np.int64)\n',
+        "",
+        (f"{REMESHING}::test_a_state_has_its_mesh",),
+    ),
+    Mutation(
+        "frames of another mesh go into the same file",
+        "yasps/output/recorder.py",
+        "                self.files.append(self._next_file())\n",
+        "                pass\n",
+        ("tests/output/test_recorder.py::test_another_mesh_is_in_another_file",),
+    ),
+    Mutation(
         "edges with a cut on one side alone",
         "yasps/meshes/refinement.py",
         "more = through[cut[sides].any(axis=1) & ~cut[through]]",
@@ -110,7 +131,7 @@ MUTATIONS = (
     Mutation(
         "a curved way is not checked again",
         CODE,
-        "if curved and self.bound(self.now) < 1.0:",
+        "if step != 1.0 and self.leaves_way(step) and self.bound(self.now) < 1.0:",
         "if False:",
         (f"{SEARCH}::test_a_curved_way_does_not_jump_over_a_wall",),
     ),
