@@ -96,8 +96,9 @@ class PreconditionerChoice:
     """What preconditioner="auto" has learned of a scene. It counts iterations, not seconds, so that it decides the same
     in every run.
 
-    Block Jacobi begins. Now and then a system is solved with the other preconditioner, too, and the next systems get
-    the one that was cheaper in the latest of these trials. Trials become rare while they change nothing.
+    Block Jacobi begins; where it is not done in PATIENCE iterations, the coarse space solves that system and the next
+    ones. Now and then a system is solved with the other preconditioner, too, and the next systems get the one that was
+    cheaper in the latest of these trials. Trials become rare while they change nothing.
     """
 
     two_level: bool = False
@@ -107,7 +108,7 @@ class PreconditionerChoice:
     solved: int = 0
     """Systems since the last trial."""
     wait: int = 0
-    """How many there are at least between two trials."""
+    """How many there are at least between two trials; 0 before the first."""
 
     ITERATION: ClassVar[float] = 1.2
     """What an iteration with the coarse space costs, in iterations of block Jacobi (docs/performance.md)."""
@@ -115,11 +116,15 @@ class PreconditionerChoice:
     """What the coarse matrix and its inverse cost, in the same unit."""
     SLOW: ClassVar[int] = 40
     """Systems for which block Jacobi takes fewer iterations are not worth a trial."""
+    PATIENCE: ClassVar[int] = 300
+    """What block Jacobi gets before the first trial."""
     FEWEST_BLOCKS: ClassVar[int] = 5000
     """Scenes with fewer dof blocks do not get faster: fewer, but as much dearer iterations."""
     SHORTEST_WAIT: ClassVar[int] = 8
     LONGEST_WAIT: ClassVar[int] = 64
-    """Bounds of `wait`: a trial costs less than twice a solve, so that rare ones do not count."""
+    """Bounds of `wait`: a trial costs about a solve, so that rare ones do not count."""
+    DEARER: ClassVar[float] = 1.25
+    """A trial ends at so many times the cost of the first solve."""
     MEMORY: ClassVar[float] = 0.25
     """What is left of `lead` in the next trial."""
 
@@ -127,11 +132,17 @@ class PreconditionerChoice:
         """Solves a system with the preconditioner of these options, and learns from it.
 
         part: a matrix of the system. run: solves it, with the coarse space or without, in at most so many iterations;
-        its x is still needed when it is called again.
+        the x that it converged to is still needed when it is called again.
         """
         if options.preconditioner != "auto" or _block_count(part) < self.FEWEST_BLOCKS:
             return run(options.preconditioner == "two-level", options.max_iterations)
-        x, report = run(self.two_level, options.max_iterations)
+        is_new = self.wait == 0
+        most = min(options.max_iterations, self.PATIENCE) if is_new else options.max_iterations
+        x, report = run(self.two_level, most)
+        if is_new and report.reason is StopReason.MAX_ITERATIONS and most < options.max_iterations:
+            self.two_level, self.wait = True, self.SHORTEST_WAIT
+            x, report = run(True, options.max_iterations)
+            return x, replace(report, trial_iterations=most)
         self.solved += 1
         if report.converged and self.solved > self.wait and (self.two_level or report.iterations >= self.SLOW):
             report = replace(report, trial_iterations=self._try_other(options, report, run))
@@ -140,10 +151,10 @@ class PreconditionerChoice:
     def _try_other(self, options: SolveOptions, report: SolveReport, run: Run[X]) -> int:
         """Solves the same system with the other preconditioner, and chooses for the next ones. Returns iterations."""
         cost = self._cost(report)
-        # Where it is not done for twice the cost, it counts as twice as dear.
-        most = 2.0 * cost if self.two_level else (2.0 * cost - self.SETUP) / self.ITERATION
+        dear = self.DEARER * cost
+        most = dear if self.two_level else (dear - self.SETUP) / self.ITERATION
         _, other = run(not self.two_level, min(int(most), options.max_iterations))
-        of_other = self._cost(other) if other.converged else 2.0 * cost
+        of_other = self._cost(other) if other.converged else dear
         self.lead = self.MEMORY * self.lead + (of_other - cost if self.two_level else cost - of_other)
         before, self.two_level = self.two_level, self.lead > 0
         longer = min(max(2 * self.wait, self.SHORTEST_WAIT), self.LONGEST_WAIT)

@@ -124,11 +124,11 @@ class CudaSolver:
 
         def run(two_level: bool, max_iterations: int) -> tuple[DeviceArray, SolveReport]:
             nonlocal solved
-            kept = self._copy_of(self._x, self._solution) if solved else None
+            kept = self._copy_of(self._x, self._solution) if solved else None  # of a trial only the report counts
             report = self._solve(parts, g, replace(options, max_iterations=max_iterations), x0, two_level=two_level)
             if kept is not None:
                 self._copy_of(kept, self._x)
-            solved = True
+            solved = report.converged
             return self._x, report
 
         return self.choice.solve(options, parts[0], run)

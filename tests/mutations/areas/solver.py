@@ -185,6 +185,13 @@ MUTATIONS = (
         (f"{TWO_LEVEL}::test_auto_loses_little_to_the_better_one",),
     ),
     Mutation(
+        "two levels: auto waits for block Jacobi for ever",
+        "runtime/solvers/pcg.py",
+        "most = min(options.max_iterations, self.PATIENCE) if is_new else options.max_iterations",
+        "most = options.max_iterations",
+        (f"{TWO_LEVEL}::test_auto_does_not_wait_for_block_jacobi_for_ever",),
+    ),
+    Mutation(
         "two levels: trials of auto stay frequent",
         "runtime/solvers/pcg.py",
         "longer = min(max(2 * self.wait, self.SHORTEST_WAIT), self.LONGEST_WAIT)",

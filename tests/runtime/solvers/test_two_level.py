@@ -205,6 +205,17 @@ def test_auto_loses_little_to_the_better_one(jacobi: int, two_level: int, better
     assert cheaper * 400 < systems.cost <= 1.05 * cheaper * 400 + dearer
 
 
+def test_auto_does_not_wait_for_block_jacobi_for_ever() -> None:
+    systems = Systems(2400, 970)
+    first, second = systems.solve(2)
+    assert first.converged
+    assert first.two_level
+    assert (first.iterations, first.trial_iterations) == (970, PreconditionerChoice.PATIENCE)
+    assert (second.iterations, second.trial_iterations, second.two_level) == (970, 0, True)
+    systems = Systems(2400, 5000)
+    assert [report.two_level for report in systems.solve(11)[-2:]] == [True, False]  # found out in the first trial
+
+
 def test_auto_follows_systems_that_change() -> None:
     systems = Systems(100, 60)
     assert systems.solve(100)[-1].two_level
@@ -215,7 +226,7 @@ def test_auto_follows_systems_that_change() -> None:
     assert not any(report.trial_iterations for report in systems.solve(200))  # too easy to be worth one
     systems.iterations = {False: 1000, True: 2000}
     (report,) = systems.solve()
-    assert report.trial_iterations == int((2000 - PreconditionerChoice.SETUP) / PreconditionerChoice.ITERATION)
+    assert report.trial_iterations == int((1250 - PreconditionerChoice.SETUP) / PreconditionerChoice.ITERATION)
     assert not systems.choice.two_level
 
 

@@ -145,6 +145,21 @@ def test_auto_decides_as_on_the_cpu(maker: Maker, monkeypatch: pytest.MonkeyPatc
     assert found[:2] == [False, True]
 
 
+def test_auto_loses_its_patience_as_on_the_cpu(maker: Maker, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The solution is that of the second solve then."""
+    for name, value in (("FEWEST_BLOCKS", 10), ("PATIENCE", 5)):
+        monkeypatch.setattr(PreconditionerChoice, name, value)
+    system = net_system(maker)
+    g = right_side(system)
+    options = SolveOptions(1e-12, preconditioner="auto")
+    expected, cpu = PcgSolver(maker.runtime).solve(system.cpu, g, options)
+    x, report = maker.solver().solve(system.parts, system.vector(g), options)
+    np.testing.assert_allclose(x.download(), expected, rtol=0, atol=1e-9 * np.abs(expected).max())
+    assert report.two_level
+    assert report.trial_iterations == cpu.trial_iterations == 5
+    assert report.iterations == cpu.iterations
+
+
 def test_other_contacts_and_other_bodies(maker: Maker) -> None:
     """What was found for one sparsity is not taken for the next."""
     structure = net_structure(SIDE)
