@@ -12,11 +12,12 @@ from benchmarks.large_energies import LARGE_ENERGIES
 from benchmarks.measure import Report, Row, Settings
 from yasps import Scene
 from yasps.backend.codegen.preludes import without_preludes
+from yasps.backend.codegen.program import sources_of
 from yasps.backend.codegen.scene_view import SceneView
 from yasps.backend.cpp.object import CppEmitter
 from yasps.frontend.execution.emit import SceneEmitter
 from yasps.passes.pipeline import run_pipeline
-from yasps.runtime.build.toolchain import Compiler, Source, compile_sources, find_compiler
+from yasps.runtime.build.toolchain import Compiler, compile_sources, find_compiler
 from yasps.runtime.core.library import Runtime, load_runtime
 
 DESCRIPTION = (
@@ -82,10 +83,10 @@ def _one_by_one(found: _Stages, scene: Scene, compiler: Compiler, threads: int) 
         module = run_pipeline(SceneEmitter(scene.name).emit(scene._energies, scene._targets, []))
     with found.timed("emission"):
         codes = [code for code in CppEmitter(SceneView(module), compiler.has_vector_math).emit_all() if code.entries]
-    unique = {code.symbol: code.text for code in codes}
-    found.add("lines", float(sum(without_preludes(text).count("\n") for text in unique.values())), "lines")
+    sources = sources_of(codes, compiler)
+    found.add("lines", float(sum(without_preludes(source.text).count("\n") for source in sources)), "lines")
     with found.timed("C++"):
-        compile_sources([Source(symbol, text) for symbol, text in unique.items()], compiler.for_generated(), threads)
+        compile_sources(sources, compiler.for_generated(), threads)
 
 
 def _compile(scene: Scene, runtime: Runtime) -> None:

@@ -19,7 +19,7 @@ from benchmarks.element_problem import add_elements, box_of_tets, cloth_hinges, 
 from benchmarks.kernel_problem import on_cpu
 from benchmarks.measure import Peer, Report, Row, Settings, measure
 from yasps import Scene
-from yasps.backend.codegen.program import LINK_FLAGS
+from yasps.backend.codegen.program import LINK_FLAGS, sources_of
 from yasps.backend.codegen.scene_view import SceneView
 from yasps.backend.cpp.object import CppEmitter
 from yasps.examples.two_bunnies import two_bunnies
@@ -115,7 +115,7 @@ def generated(scene: Scene, compiler: Compiler) -> list[Source]:
     """The scene's C++ files, equal ones once."""
     module = run_pipeline(SceneEmitter(scene.name).emit(scene._energies, scene._targets, []))
     codes = [code for code in CppEmitter(SceneView(module), compiler.has_vector_math).emit_all() if code.entries]
-    return [Source(symbol, text) for symbol, text in {code.symbol: code.text for code in codes}.items()]
+    return sources_of(codes, compiler)
 
 
 def one_file(sources: Sequence[Source]) -> Source:
@@ -127,7 +127,8 @@ def one_file(sources: Sequence[Source]) -> Source:
         headers |= dict.fromkeys(line for line in lines if line.startswith("#include"))
         body = "\n".join(line for line in lines if not line.startswith("#include"))
         parts.append(f"namespace object_{number} {{\n{body}\n}}\n")
-    return Source("one_file", "\n".join([*headers, *parts]))
+    flags = max((source.flags for source in sources), key=len, default=())
+    return Source("one_file", "\n".join([*headers, *parts]), flags)
 
 
 def run(settings: Settings) -> Report:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 import time
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 
 from benchmarks.compile_times import empty_cache, generated, one_file, processor_seconds
 from benchmarks.measure import Report, Row, Settings
@@ -44,8 +45,8 @@ def monolithic(sources: Sequence[Source]) -> list[Source]:
             wanted |= new
             waiting += sorted(new)
         # Callees before callers: names are declared in each anyway, but the order should not depend on hashes' sets.
-        text = one_file([source for source in sources if source.name in wanted]).text
-        files.append(Source(f"monolithic.{name}", text))
+        whole = one_file([source for source in sources if source.name in wanted])
+        files.append(replace(whole, name=f"monolithic.{name}"))
     return files
 
 

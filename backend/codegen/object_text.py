@@ -59,7 +59,8 @@ class Binding:
 class ObjectCode:
     """One generated file.
 
-    workspace: doubles of global memory that a thread of the entry `derive` needs, on a device.
+    On a device, workspace: doubles of global memory that a thread of the entry `derive` needs; branches: how many
+    numbers the entry `branches` gives, 0 where there is none.
     """
 
     name: str
@@ -68,14 +69,21 @@ class ObjectCode:
     bindings: tuple[Binding, ...]
     entries: tuple[str, ...]
     workspace: int = 0
+    branches: int = 0
 
 
 def object_code(
-    name: str, text: str, bindings: tuple[Binding, ...], entries: tuple[str, ...], workspace: int = 0
+    name: str,
+    text: str,
+    bindings: tuple[Binding, ...],
+    entries: tuple[str, ...],
+    *,
+    workspace: int = 0,
+    branches: int = 0,
 ) -> ObjectCode:
     """The file with this text, where SELF stands for its symbol."""
     symbol = "yasps_" + hashlib.sha256(text.encode()).hexdigest()[:20]
-    return ObjectCode(name, symbol, text.replace(SELF, symbol), bindings, entries, workspace)
+    return ObjectCode(name, symbol, text.replace(SELF, symbol), bindings, entries, workspace, branches)
 
 
 class ObjectEmitter(ABC):
@@ -146,7 +154,7 @@ class ObjectText(ABC):
         """Declarations of other objects' entries, and functions that several of its own share."""
         self.parts: list[str] = []
         self.entries: list[str] = []
-        self.workspace = 0
+        self.workspace = self.branches = 0
 
     def begin_with(self, *paths: str) -> None:
         """Puts these of the PRELUDES at the beginning of the file, once."""
@@ -344,7 +352,8 @@ class ObjectText(ABC):
         else:
             self.attribute(self.definition)
         text = "\n".join([*self.preludes, *self.helpers(), *self.externs, *self.parts])
-        return object_code(self.name, text, tuple(self.bindings), tuple(self.entries), self.workspace)
+        bindings, entries = tuple(self.bindings), tuple(self.entries)
+        return object_code(self.name, text, bindings, entries, workspace=self.workspace, branches=self.branches)
 
     @abstractmethod
     def helpers(self) -> list[str]:

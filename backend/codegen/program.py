@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import ctypes
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -40,13 +40,12 @@ class Program:
         self.codes: dict[str, ObjectCode] = code.codes
         if dump_to is not None:
             dump_sources(code, dump_to, "cpp")
-        unique = {code.symbol: code for code in self.codes.values()}
-        sources = [Source(code.symbol, code.text) for code in unique.values()]
+        sources = sources_of(self.codes.values(), compiler)
         objects = compile_sources(sources, compiler.for_generated())
         names = {code.symbol: name for name, code in reversed(self.codes.items())}
         self.log = [
-            CompiledModule(names[item.name], item.seconds, item.cached, unique[item.name].text.count("\n"))
-            for item in objects
+            CompiledModule(names[item.name], item.seconds, item.cached, source.text.count("\n"))
+            for source, item in zip(sources, objects, strict=True)
         ]
         math_libraries = ("-lmvec", "-lm") if compiler.has_vector_math else ("-lm",)
         linked = link(objects, compiler, (*LINK_FLAGS, *math_libraries))
@@ -119,6 +118,15 @@ class Program:
         out = np.zeros(count, np.int64)
         _OVER_INSTANCES(self.function(name, "branches"))(self.arguments(name), 0, count, out.ctypes.data)
         return out
+
+
+def sources_of(codes: Iterable[ObjectCode], compiler: Compiler) -> list[Source]:
+    """What is compiled of these objects, by `compiler.for_generated()`: equal ones once, under their symbols."""
+    unique = {code.symbol: code for code in codes}
+    return [
+        Source(symbol, code.text, compiler.derivative_flags if "derive" in code.entries else ())
+        for symbol, code in unique.items()
+    ]
 
 
 def dump_sources(code: SceneCode, folder: Path, ending: str) -> None:

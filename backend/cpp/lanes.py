@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 
 from xdsl.ir import SSAValue
 
+from yasps.backend.codegen.branches import branch_number, branch_of, may_be_direct
 from yasps.backend.codegen.object_text import SELF, ObjectCode, object_code, size_of
 from yasps.backend.codegen.preludes import PRELUDES
 from yasps.backend.codegen.scene_view import Slot
@@ -87,7 +88,7 @@ def fill_slots(text: CppObjectText, local: LocalDerivative) -> list[str]:
         else:
             indices = f"{text.bind('indices', slot.connectivity)} + first * {slot.arity} + {slot.position} + k"
             body.append(f"connected_instances({indices}, {slot.arity}, lanes, slot.of);")
-        branch, _ = _branch(text, slot.source, "slot.of[l]", 1)
+        branch, _ = branch_of(text, slot.source, "slot.of[l]", 1)
         body.append(f"for (long l = 0; l < 8; ++l) slot.branch[l] = {branch};")
         lines += block(f"for (long k = 0; k < {same.count}; ++k)", body)
     return lines
@@ -117,7 +118,7 @@ def add_hessian(text: CppObjectText, local: LocalDerivative, packed: str, direct
     count = len(local.slots)
     place_of = f"sink.position + first * {local.pairs}, {local.capacity}"
     add = [f"{_adding(text, 'hessian')}(sink, taken, {count}, {place_of}, same, {packed}, {local.n}, room);"]
-    if all(_may_be_direct(text, slot.source) for slot in local.slots):
+    if all(may_be_direct(text, slot.source) for slot in local.slots):
         head = f"if (same == (1u << lanes) - 1 && all_direct(taken, {count}))"
         add = [*block(head, direct), *block("else", add)]
     return [*fill_slots(text, local), *in_branches(local, add)]
@@ -149,15 +150,8 @@ def _names(parameters: str) -> str:
 
 def branches_entry(text: CppObjectText, local: LocalDerivative) -> None:
     """The entry `branches`: for each instance a number, the same for all that are of the same branches."""
-    lines = ["unsigned long number = 0;"]
-    total = 1
-    for slot in local.slots:
-        index = text.slot_index(slot)
-        branch, end = _branch(text, slot.source, "j", 1)
-        if end > 1 and (end > 2 or _may_be_direct(text, slot.source)):
-            total *= end
-            lines += block("", [f"const long j = {index};", f"number = number * {end} + {branch};"])
-    if total == 1:
+    lines, count = branch_number(text, local.slots)
+    if count == 1:
         return
     body = block("for (long i = begin; i < end; ++i)", [*lines, "out[i - begin] = (long)number;"])
     text.entry("branches", f"void {SELF}_branches(Arguments a, long begin, long end, long* out)", body)
@@ -166,32 +160,6 @@ def branches_entry(text: CppObjectText, local: LocalDerivative) -> None:
 def _definition(text: CppObjectText, source: str) -> str:
     """The object that pulls back to what is behind a source."""
     return text.scene.jacobians[source].symbol if source in text.scene.jacobians else source
-
-
-def _may_be_direct(text: CppObjectText, source: str) -> bool:
-    """Is the source direct at some instances?"""
-    scene = text.scene
-    if scene.is_direct(source) or scene.is_constant(source):
-        return True
-    return scene.is_union(source) and any(_may_be_direct(text, member) for member in scene.union_members(source))
-
-
-def _branch(text: CppObjectText, source: str, index: str, free: int) -> tuple[str, int]:
-    """Expression for the branch of a source at an instance: 0 where it is direct, else a number from `free` on; and
-    the first number that is free then."""
-    scene = text.scene
-    if scene.is_direct(source) or scene.is_constant(source):
-        return "0", free
-    if not scene.is_union(source):
-        return str(free), free + 1
-    offsets = text.bind("offsets", name_of(scene.attributes[source].owner))
-    members: list[str] = []
-    for k, member in enumerate(scene.union_members(source)):
-        number, free = _branch(text, member, f"({index} - {offsets}[{k}])" if k else index, free)
-        members.append(number)
-    *firsts, last = members
-    chosen = [f"{index} < {offsets}[{k}] ? {number} : " for k, number in enumerate(firsts, start=1)]
-    return f"({''.join(chosen)}{last})", free
 
 
 def _largest_leaf(text: CppObjectText, slot: Slot) -> int:

@@ -35,8 +35,8 @@ def blocks_at_once(local: LocalDerivative) -> int:
     return BLOCKS_AT_ONCE if local.n <= LARGEST_SMALL_WIDTH else BLOCKS_AT_ONCE - 1
 
 
-def derivative_body(text: CudaObjectText, local: LocalDerivative) -> list[str]:
-    """Statements of the entry point `derive`."""
+def derivative_body(text: CudaObjectText, local: LocalDerivative, *, is_sorted: bool) -> list[str]:
+    """Statements of the entry point `derive`. is_sorted: threads take the instances in the order they are given."""
     hessian: list[str] = []
     if local.curved:
         hessian = text.merged_hessian(local, "middle" if local.hessian is not None else None, "gradient")
@@ -55,10 +55,13 @@ def derivative_body(text: CudaObjectText, local: LocalDerivative) -> list[str]:
         *text.scatter_gradient(local),
         *hessian,
     ]
+    turn = "turn" if is_sorted else "i"
+    if is_sorted:
+        instance.insert(0, "const long i = sink.order ? sink.order[turn] : turn;")
     return [
         f"const yasps_sink sink = {{{', '.join(name for _, name in DEVICE_FIELDS)}}};",
         f"const long thread = {THIS_THREAD};",
-        *block(f"for (long i = thread; i < count; i += {ALL_THREADS})", instance),
+        *block(f"for (long {turn} = thread; {turn} < count; {turn} += {ALL_THREADS})", instance),
     ]
 
 

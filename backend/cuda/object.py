@@ -11,6 +11,7 @@ from typing import ClassVar
 
 from xdsl.ir import SSAValue
 
+from yasps.backend.codegen.branches import branch_number
 from yasps.backend.codegen.expanding_text import SIGNATURES, ExpandingText, LocalDerivative
 from yasps.backend.codegen.object_text import SELF, ObjectEmitter
 from yasps.backend.codegen.scene_view import Slot
@@ -108,4 +109,16 @@ class CudaObjectText(ExpandingText):
         from yasps.backend.cuda.derivative import PARAMETERS, blocks_at_once, derivative_body
 
         local = LocalDerivative.of(self.scene, derivative)
-        self.kernel("derive", PARAMETERS, derivative_body(self, local), blocks_at_once(local))
+        number, branches = branch_number(self, local.slots)
+        is_sorted = branches > 1
+        self.kernel("derive", PARAMETERS, derivative_body(self, local, is_sorted=is_sorted), blocks_at_once(local))
+        if is_sorted:
+            self.branches = branches
+            body = [
+                f"const long i = {THIS_THREAD};",
+                "if (i >= count) return;",
+                *number,
+                "keys[i] = number;",
+                "ids[i] = (unsigned)i;",
+            ]
+            self.kernel("branches", "unsigned long* keys, unsigned* ids", body)

@@ -14,6 +14,7 @@ from yasps.runtime.build.cuda.sources import runtime_sources
 from yasps.runtime.build.toolchain import Source
 from yasps.runtime.core.sink import DEVICE_FIELDS, THREADS
 from yasps.runtime.device.protocol import Device, DeviceArray, LoadedProgram
+from yasps.runtime.matrix.cuda.build import BuildScratch
 
 MOST_THREADS_WITH_WORKSPACE = 1 << 14
 """Threads of a kernel whose threads need global memory of their own; each then takes several instances."""
@@ -27,8 +28,9 @@ class DerivativeLaunch:
     """One run of an energy's derivatives; addresses on the device, 0 for none.
 
     symbol: the object with the entry `derive`; count: instances n; gradient, blocks: what is added to; kappa: int32
-    [n, c]; position: int64 [n, c (c + 1) / 2]; gradient_at: int64 [n, c]; block_size_at: int32 [scalars]; mode: of the
-    projection; outcome: uint64 [2], the first instance that is not finite and the number of projected Hessians.
+    [n, c]; position: int64 [n, c (c + 1) / 2]; gradient_at: int64 [n, c]; block_size_at: int32 [scalars]; order: uint32
+    [n], the instances as threads take them; mode: of the projection; outcome: uint64 [2], the first instance that is
+    not finite and the number of projected Hessians.
     """
 
     symbol: str
@@ -39,6 +41,7 @@ class DerivativeLaunch:
     position: int
     gradient_at: int
     block_size_at: int
+    order: int
     mode: int
     outcome: int
 
@@ -84,6 +87,27 @@ class CudaProgram:
         """Writes an attribute's values on `count` instances to `out`."""
         kernel = self.loaded.kernel(f"{self.code.codes[name].symbol}_batch")
         self.device.launch(kernel, count, [self.arguments(name), count, out.address])
+
+    def sort_by_branches(self, name: str, count: int, scratch: BuildScratch, order: DeviceArray) -> bool:
+        """Writes to `order`, uint32, an order of an energy's `count` instances in which those that take the same
+        branches of UNIONs follow each other, else as they are; False where all take the same.
+
+        name: of the energy's derivatives. Threads of a warp that take several branches wait for each other.
+        """
+        code = self.code.codes[name]
+        if not code.branches:
+            return False
+        order.resize(count)
+        if count == 0:
+            return True
+        scratch.reserve(count)
+        kernel = self.loaded.kernel(f"{code.symbol}_branches")
+        arguments = [self.arguments(name), count, scratch.keys.address, scratch.sources.address]
+        self.device.launch(kernel, count, arguments)
+        keys = (scratch.keys.address, scratch.sorted_keys.address)
+        bits = min((code.branches - 1).bit_length(), 64)
+        self.device.sort_pairs(keys, (scratch.sources.address, order.address), count, bits)
+        return True
 
     def launch_derivative(self, run: DerivativeLaunch) -> None:
         """Adds an energy's derivatives to what they are added to."""

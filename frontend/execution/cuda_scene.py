@@ -59,6 +59,8 @@ class _Placement:
         self.kappas = DeviceArray(device, np.int32, f"placement indices of {name}")
         self.positions: DeviceArray | None = None
         self.gradient_at: DeviceArray | None = None
+        self.order = DeviceArray(device, np.uint32, f"order of the instances of {name}")
+        self.is_sorted = False
 
 
 class CudaScene(CompiledScene):
@@ -92,7 +94,7 @@ class CudaScene(CompiledScene):
         device, deterministic = self.device, self._deterministic
         self.program = CudaProgram(self.code, device)
         loaded = self.program.loaded
-        scratch = BuildScratch(device)
+        scratch = self._scratch = BuildScratch(device)
         self.static_matrix = CudaBlockMatrix(device, loaded, deterministic=deterministic, scratch=scratch)
         self.dynamic_matrix = CudaBlockMatrix(
             device, loaded, with_diagonal=False, deterministic=deterministic, scratch=scratch
@@ -188,6 +190,10 @@ class CudaScene(CompiledScene):
     def _build_structure(self, terms: Sequence[Term], *, dynamic: bool) -> None:
         matrix = self.dynamic_matrix if dynamic else self.static_matrix
         placements = [self._indices_of(term) for term in terms]
+        for term, placement in zip(terms, placements, strict=True):
+            assert term.derivative is not None
+            sort = self.program.sort_by_branches
+            placement.is_sorted = sort(term.derivative, term.count, self._scratch, placement.order)
         positions = matrix.build(*self._layout(), [placement.kappas for placement in placements])
         for placement, array in zip(placements, positions, strict=True):
             placement.positions = array
@@ -239,6 +245,7 @@ class CudaScene(CompiledScene):
                 position=placement.positions.address,
                 gradient_at=placement.gradient_at.address if placement.gradient_at is not None else 0,
                 block_size_at=self.static_matrix.block_size_at.address,
+                order=placement.order.address if placement.is_sorted else 0,
                 mode=int(term.mode_for(project)),
                 outcome=self._outcomes.address + 16 * k,
             )

@@ -64,6 +64,21 @@ DEFAULT_FLAGS = (
 #: for stores that nobody reads, and for what a load may find, take time that grows with the square of their length.
 STRAIGHT_LINE_FLAGS = ("-fno-dse", "-fno-tree-dse", "--param=sccvn-max-alias-queries-per-access=64")
 
+#: Further flags of g++ for kernels of derivatives: without passes for jumps, repeated expressions and vectors made of
+#: numbers, for which these, long and written in vectors, have next to no use. Energies alone, loops over a few
+#: operations, are slower without them. They save a fifth of a compile's time.
+DERIVATIVE_FLAGS = (
+    "-fno-gcse",
+    "-fno-tree-pre",
+    "-fno-tree-pta",
+    "-fno-tree-dominator-opts",
+    "-fno-thread-jumps",
+    "-fno-tree-loop-vectorize",
+    "-fno-tree-slp-vectorize",
+    "-fno-schedule-insns2",
+    "-fira-region=one",
+)
+
 #: Environment variables by which compilers choose headers, libraries and their own parts.
 _HEEDED = (
     "CPATH",
@@ -125,10 +140,12 @@ class CompilationError(RuntimeError):
 
 @dataclass(frozen=True)
 class Source:
-    """One C++ translation unit: `name` for messages and file names, `text` its complete source."""
+    """One translation unit: `name` for messages and file names, `text` its complete source, `flags` what a C++ compiler
+    is told beyond its own."""
 
     name: str
     text: str
+    flags: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -189,6 +206,11 @@ class Compiler:
         """The same compiler with what generated code asks for."""
         return self if self.is_clang else self.with_flags(*STRAIGHT_LINE_FLAGS)
 
+    @property
+    def derivative_flags(self) -> tuple[str, ...]:
+        """What kernels of derivatives ask for besides."""
+        return () if self.is_clang else DERIVATIVE_FLAGS
+
 
 def find_compiler(flags: Sequence[str] = DEFAULT_FLAGS) -> Compiler:
     """Find the C++ compiler: YASPS_CXX, then CXX, then g++, c++ and clang++ on the PATH.
@@ -246,7 +268,7 @@ def link(objects: Sequence[CompiledObject], compiler: Compiler, extra_flags: Seq
 
 
 def _compile(source: Source, compiler: Compiler, compiler_key: str, folder: Path) -> CompiledObject:
-    key = digest_of(compiler_key, "source", source.text)
+    key = digest_of(compiler_key, *source.flags, "source", source.text)
     stem = f"{safe_name(source.name)}-{key[:32]}"
     path = folder / f"{stem}.o"
     text_path = folder / f"{stem}.cpp"
@@ -254,7 +276,7 @@ def _compile(source: Source, compiler: Compiler, compiler_key: str, folder: Path
 
     def build(target: Path) -> None:
         write_text(text_path, source.text)
-        command = [*compiler.command, *compiler.flags, "-c", str(text_path), "-o", str(target)]
+        command = [*compiler.command, *compiler.flags, *source.flags, "-c", str(text_path), "-o", str(target)]
         failure = _failure_of(command)
         if failure is not None:
             raise CompilationError(source.name, text_path, failure)

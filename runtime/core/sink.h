@@ -29,6 +29,7 @@ struct yasps_sink {            // its fields are the kernel's parameters
     const long* position;      // [n, capacity (capacity + 1) / 2]: PositionInData
     const long* gradient_at;   // [n, capacity]: places in `gradient`, or null: those of kappa
     const int* block_size_at;  // [scalars]: size of the dof block that starts here
+    const unsigned* order;     // [n]: the instances as threads take them, or null: one after another
     long mode;
     unsigned long long* outcome;  // [2]: the first instance that is not finite; how many Hessians were projected
     double* workspace;            // of all threads: number k of thread t at k * (number of threads) + t

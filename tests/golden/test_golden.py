@@ -1,7 +1,7 @@
 """What the compiler makes of three small scenes, kept as text: every change of it is seen in review.
 
 `pytest --update-golden` writes the files anew. The generated C++ is kept without its preludes, which are files of their
-own, and with hashes replaced by what they stand for.
+own, and with hashes replaced by what they stand for; of the CUDA C++ one kernel of derivatives, over a UNION.
 """
 
 from __future__ import annotations
@@ -17,14 +17,18 @@ import pytest
 from xdsl.parser import Parser
 
 from yasps import Scene, concat_rows
+from yasps.backend.codegen.object_text import ObjectEmitter
 from yasps.backend.codegen.preludes import without_preludes
 from yasps.backend.codegen.scene_view import SceneView
 from yasps.backend.cpp.object import CppEmitter
+from yasps.backend.cuda.object import CudaEmitter
 from yasps.frontend.execution.emit import SceneEmitter
 from yasps.passes.ir_text import text_of
 from yasps.passes.pipeline import PIPELINE, make_context, run_pipeline
 
 FOLDER = Path(__file__).parent
+CUDA = ("both.pp.barrier.derivative",)
+"""What is kept as CUDA C++ too."""
 SHOWN = 60
 """Lines of a difference; the whole is one `git diff` away."""
 
@@ -105,17 +109,25 @@ def made_of(scene: Scene) -> dict[str, str]:
         texts[f"{len(texts):02d}-{name}.mlir"] = text_of(module)
 
     run_pipeline(module, None, after)
-    emitter = CppEmitter(SceneView(module), has_vector_math=True)  # as on any Linux with glibc
+    texts |= generated(CppEmitter(SceneView(module), has_vector_math=True), "cpp")  # as on any Linux with glibc
+    for name, text in generated(CudaEmitter(SceneView(module)), "cu").items():
+        if name in {f"generated/{kept}.cu" for kept in CUDA}:
+            texts[name] = text
+    return texts
+
+
+def generated(emitter: ObjectEmitter, ending: str) -> dict[str, str]:
+    """The files of one language, by the names `dump_ir` gives them."""
     emitter.emit_all()
     codes = [code for code in emitter.codes.values() if code.entries]
     owners: dict[str, str] = {}
     for code in codes:  # equal objects share a hash: the first names it
         owners.setdefault(code.symbol, code.name)
-    for code in codes:
-        text = without_preludes(code.text)
-        named = re.sub(r"yasps_[0-9a-f]{20}", lambda match: f"yasps<{owners[match[0]]}>", text)
-        texts[f"generated/{code.name}.cpp"] = named
-    return texts
+
+    def named(text: str) -> str:
+        return re.sub(r"yasps_[0-9a-f]{20}", lambda match: f"yasps<{owners[match[0]]}>", text)
+
+    return {f"generated/{code.name}.{ending}": named(without_preludes(code.text)) for code in codes}
 
 
 def difference(old: dict[str, str], new: dict[str, str]) -> str:

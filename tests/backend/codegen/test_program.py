@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -9,9 +10,11 @@ import pytest
 from small_scenes import mixed_union, shared_targets, soft_tets, stable_neo_hookean
 
 from yasps import CompilerNotFoundError, NotFiniteError, Scene
+from yasps.backend.codegen.program import sources_of
 from yasps.backend.codegen.scene_view import SceneView
 from yasps.backend.cpp.object import CppEmitter
 from yasps.frontend.execution.cpu_scene import CpuScene
+from yasps.runtime.build.toolchain import DERIVATIVE_FLAGS, find_compiler
 
 
 def _text_of(compiled: CpuScene, name: str) -> str:
@@ -105,6 +108,16 @@ def test_every_object_has_the_entries_it_is_wanted_for() -> None:
     for name, code in program.codes.items():
         for entry in code.entries:
             assert program.function(name, entry) != 0
+
+
+def test_kernels_of_derivatives_alone_have_further_flags() -> None:
+    compiler = replace(find_compiler(), is_clang=False)
+    codes = mixed_union().compile().program.codes.values()
+    derivatives = {code.symbol for code in codes if "derive" in code.entries}
+    flags = {source.name: source.flags for source in sources_of(codes, compiler)}
+    assert derivatives
+    assert flags == {code.symbol: DERIVATIVE_FLAGS if code.symbol in derivatives else () for code in codes}
+    assert not any(source.flags for source in sources_of(codes, replace(compiler, is_clang=True)))  # it knows few
 
 
 def test_generated_sources_are_dumped_under_the_users_names(tmp_path: Path) -> None:

@@ -19,6 +19,7 @@ from small_scenes import dense_assembly, emit, mixed_union, soft_tets
 from yasps import NotFiniteError, Scene, materials
 from yasps.backend.cuda import program as cuda_program
 from yasps.backend.reference.interpreter import Interpreter
+from yasps.frontend.execution.cpu_scene import CpuScene
 from yasps.frontend.execution.cuda_scene import CudaScene
 from yasps.meshes import cloth_grid
 from yasps.runtime.core.sink import THREADS
@@ -210,6 +211,29 @@ def test_pairs_that_come_and_go(deterministic: bool) -> None:
     scene.everything.pairs.connectivities["corners"].update_value(close_pairs(8, 290, BODY * len(bodies)))
     scene.solve(1e-4)
     assert used <= grown == device.used, "memory is kept when there are fewer pairs"
+
+
+def test_threads_of_a_warp_take_the_same_branches() -> None:
+    """They take the instances in the order in which the processor's kernel does, that of the last pairs."""
+    device = CountingDevice()
+    scene, reference = on_device(mixed_union(), device), mixed_union()
+    for count in (100, 40):
+        pairs = close_pairs(4, count, reference.both.v.num_instances)[:, :2]
+        for part in (scene, reference):
+            part.both.pp.connectivities["ends"].update_value(pairs)
+        assert_same_derivatives(scene, reference)
+        compiled, on_cpu = scene.compile(), reference.compile()
+        assert isinstance(compiled, CudaScene)
+        assert isinstance(on_cpu, CpuScene)
+        symbol = next(term.symbol for term in on_cpu._terms if term.dynamic)
+        wanted, placement = on_cpu.placements[symbol].ordered, compiled._placements[symbol]
+        assert wanted is not None
+        assert placement.is_sorted
+        np.testing.assert_array_equal(placement.order.download(), wanted.order)
+        assert (np.diff(wanted.order) < 0).any()
+    device.launches.clear()
+    scene.gradient()
+    assert not [name for name in device.launches if name.endswith("_branches")], "sorted once for each structure"
 
 
 @pytest.mark.parametrize(("deterministic", "limit"), [(False, "THREADS_WITH_WORKSPACE"), (True, "WORKSPACE")])

@@ -20,6 +20,7 @@ STRUCTURE, PCG, MULTIPLY = (
     "runtime/matrix/cuda/multiply.cu",
 )
 TWO_LEVEL = "tests/runtime/solvers/cuda/test_two_level.py"
+SCENES = "tests/frontend/execution/test_cuda_scene.py"
 COARSE = "runtime/solvers/cuda/coarse_space"
 GATHER, SHARED = "runtime/matrix/cuda/gathered_multiply.cu", "runtime/core/cuda/grid.cuh"
 
@@ -337,9 +338,23 @@ MUTATIONS = (
     Mutation(
         "kernels: instances behind the last thread are not visited",
         "backend/cuda/derivative.py",
-        "for (long i = thread; i < count; i += ",
-        "for (long i = thread; i < count; i += count + ",
+        "{turn} < count; {turn} += ",
+        "{turn} < count; {turn} += count + ",
         ("tests/frontend/execution/test_cuda_scene.py::test_threads_with_a_workspace_take_several_instances",),
+    ),
+    Mutation(
+        "kernels: threads take the instances as they are",
+        "backend/cuda/derivative.py",
+        "sink.order ? sink.order[turn] : turn;",
+        "turn;",
+        ("tests/golden/test_golden.py::test_what_is_made_of_a_scene",),
+    ),
+    Mutation(
+        "kernels: instances are not sorted by their branches",
+        "backend/cuda/program.py",
+        "self.device.sort_pairs(keys, (scratch.sources.address, order.address), count, bits)",
+        "self.device.sort_pairs(keys, (scratch.sources.address, order.address), count, 0)",
+        (f"{SCENES}::test_threads_of_a_warp_take_the_same_branches",),
     ),
     Mutation(
         "two levels: blocks within an aggregate are added once",

@@ -45,7 +45,7 @@ MUTATIONS = (
     ),
     Mutation(
         "two members of a union are one branch",
-        "backend/cpp/lanes.py",
+        "backend/codegen/branches.py",
         "return str(free), free + 1",
         "return str(1), 2",
         (f"{UNIONS}::test_unions_of_parameterisations",),

@@ -75,6 +75,14 @@ def test_key_depends_on_everything(compiler: Compiler) -> None:
     assert ctypes.CDLL(str(link([second], compiler).path)).x() == 2
 
 
+@pytest.mark.usefixtures("cache")
+def test_a_source_may_have_flags_of_its_own(compiler: Compiler) -> None:
+    text = 'extern "C" int x() { return X; }\n'
+    own = compile_sources([Source("x", text, (f"-DX={value}",)) for value in (1, 2)], compiler.with_flags("-DX=0"))
+    assert [ctypes.CDLL(str(link([item], compiler).path)).x() for item in own] == [1, 2]
+    assert compile_sources([Source("x", text, ("-DX=2",))], compiler.with_flags("-DX=0"))[0].path == own[1].path
+
+
 def test_an_empty_object_left_by_a_crash_is_rebuilt(compiler: Compiler, cache: Path) -> None:
     path = compile_sources([ONE], compiler)[0].path
     path.write_bytes(b"")
