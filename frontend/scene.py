@@ -113,6 +113,8 @@ class Scene(SceneNames, Entity):
         self._runtime: Runtime | None = None
         self._compiled: CompiledScene | None = None
         self._variants: dict[tuple[tuple[Attribute, ...], tuple[EnergyTerm, ...]], CompiledScene] = {}
+        self._weights: dict[Attribute, tuple[Attribute, Attribute]] = {}
+        """Of `jacobian`: weights of an attribute, and its product with them."""
         self._alive: weakref.WeakSet[CompiledScene] = weakref.WeakSet()
         """All that was compiled and is still in use, by whomever: it must hear of arrays that moved."""
         self._evaluations = 0
@@ -440,14 +442,7 @@ class Scene(SceneNames, Entity):
         ShapeMismatchError for an energy that isn't 1x1.
         """
         listed = [inputs] if isinstance(inputs, Attribute) else list(inputs)
-        for k, attribute in enumerate(listed):
-            self._check_own(attribute, "a target or parameter")
-            if not isinstance(attribute.node, Stored):
-                raise SceneError(
-                    f"{attribute.path} is computed; derivatives are taken with respect to stored attributes"
-                )
-            if any(attribute is other for other in listed[:k]):
-                raise SceneError(f"{attribute.path} is named twice")
+        self._check_stored(listed)
         if not listed:
             raise SceneError("derivatives need at least one stored attribute to be taken with respect to")
         if energies is None:
@@ -456,6 +451,61 @@ class Scene(SceneNames, Entity):
         else:
             terms = self._terms_of(energies)
         return self._variant(listed, terms, exact=not projected)
+
+    @one_thread_at_a_time
+    def jacobian(
+        self, attribute: Attribute, variables: Attribute | Sequence[Attribute]
+    ) -> sparse.csr_array[np.float64]:
+        """Exact first derivatives of an attribute by stored attributes, at their present numbers: a row for each number
+        of the attribute, instance by instance and row-major, a column for each of the variables, in the order given.
+
+        Compiled on first use and kept until energies or targets of the scene change. Raises SceneError for computed,
+        foreign or repeated variables, and for another scene's attribute.
+        """
+        from scipy import sparse
+
+        columns = [variables] if isinstance(variables, Attribute) else list(variables)
+        self._check_own(attribute, "what is differentiated")
+        if not columns:
+            raise SceneError("jacobian needs at least one variable")
+        self._check_stored(columns)
+        assert attribute.owner is not None
+        count, entries = attribute.owner.num_instances, attribute.size
+        sizes = [column.owner.num_instances * column.size for column in columns if column.owner is not None]
+        inputs = set(attribute.inputs)
+        read = [column for column in columns if column in inputs]
+        if not read:
+            return sparse.csr_array((count * entries, sum(sizes)))
+        # The product of the attribute with weights has it as its gradient by these, so its mixed second derivatives by
+        # weights and variables are the attribute's first ones.
+        zeros = np.zeros((count, *attribute.shape))
+        if attribute not in self._weights:
+            weights = Attribute(attribute.owner, attribute.shape, Stored(zeros, constant=True))
+            self._weights[attribute] = (weights, weights.dot(attribute))
+        weights, product = self._weights[attribute]
+        weights.update_value(zeros)
+        compiled = self.compile_for([weights, *read], energies=[product])
+        compiled.assemble()
+        found = compiled.hessian().to_scipy()[: count * entries]
+        blocks, start = [], count * entries
+        for column, size in zip(columns, sizes, strict=True):
+            if column in inputs:
+                blocks.append(found[:, start : start + size])
+                start += size
+            else:
+                blocks.append(sparse.csr_array((count * entries, size)))
+        return sparse.csr_array(sparse.hstack(blocks))
+
+    def _check_stored(self, variables: Sequence[Attribute]) -> None:
+        """Raises SceneError for what derivatives can't be taken by."""
+        for k, attribute in enumerate(variables):
+            self._check_own(attribute, "a target or parameter")
+            if not isinstance(attribute.node, Stored):
+                raise SceneError(
+                    f"{attribute.path} is computed; derivatives are taken with respect to stored attributes"
+                )
+            if any(attribute is other for other in variables[:k]):
+                raise SceneError(f"{attribute.path} is named twice")
 
     def _terms_of(self, energies: Sequence[Attribute]) -> list[EnergyTerm]:
         """Energies as they were registered; others as they would be by default."""
@@ -636,6 +686,7 @@ class Scene(SceneNames, Entity):
         """The next result needs a new compile of the energies."""
         self._compiled = None
         self._variants.clear()
+        self._weights.clear()
 
     def arrays_moved(self, owner: Entity) -> None:
         """Some array of the owner was replaced by another."""

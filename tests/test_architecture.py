@@ -21,6 +21,7 @@ KIT = (
     "bodies",
     "stepping",
     "simulation",
+    "inverse",
     "program",
     "bridges",
 )
@@ -49,6 +50,7 @@ KIT_ROOMS = {
     "bodies": {"materials", "meshes", "contact", "parameterisations"},
     "stepping": {"materials", "contact", "output"},
     "simulation": {"materials", "meshes", "output", "contact", "bodies", "stepping"},
+    "inverse": {"output", "contact", "bodies", "stepping", "simulation"},
     "program": {"output", "stepping", "simulation"},
     "bridges": set(),
 }

@@ -347,6 +347,19 @@ def test_the_bridges_of_the_document(capsys: pytest.CaptureFixture[str]) -> None
     np.testing.assert_allclose(names["scene"].compile_for(names["position"]).assemble(hessian=False), 0.0, atol=1e-6)
 
 
+def test_the_run_of_the_document_is_differentiated() -> None:
+    """What is fitted brings the cube to its goal but for what no velocity along the ground can do."""
+    names: dict[str, Any] = {}
+    for code in blocks(ROOT / "docs" / "inverse.md", "python"):
+        exec(code, names)
+    gradient, velocity, friction = (names[name] for name in ("gradient", "velocity", "friction"))
+    assert gradient.warnings == []
+    assert gradient[velocity][1] < 0  # the goal is to the left of the way
+    assert abs(gradient[friction].sum()) > 1e-4
+    assert names["total"].value > gradient.value
+    assert names["found"].value < 1e-2 * gradient.value
+
+
 def test_the_bridge_to_jax_of_the_document() -> None:
     """Newton's method converges quadratically."""
     jax = pytest.importorskip("jax", reason="pip install 'yasps[jax]'")
@@ -389,6 +402,7 @@ def test_every_python_block_is_run() -> None:
         "bridges.md": 3,
         "contact-and-stepping.md": 6,
         "gpu.md": 1,
+        "inverse.md": 3,
         "language.md": 8,
         "parameterisations.md": 1,
         "parts.md": 1,

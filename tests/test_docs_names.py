@@ -24,6 +24,8 @@ import yasps
 import yasps.runtime.build.toolchain
 import yasps.runtime.device.gpu
 from yasps import {public}
+import yasps.inverse
+from yasps.inverse import Trajectory
 import yasps.bridges.jax, yasps.bridges.scipy, yasps.bridges.torch
 import yasps.backend, yasps.dialects, yasps.examples, yasps.frontend, yasps.passes
 from yasps import Solution
@@ -60,6 +62,8 @@ STANDS_FOR = {
     "stepper": "TimeStepper",
     "simulation": "Simulation",
     "joints": "Joints",
+    "inverse": "Any",
+    "trajectory": "Trajectory",
     "bodies": "Any",
     "set_load": "Any",
     "share": "Any",

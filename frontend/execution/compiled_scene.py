@@ -286,7 +286,7 @@ class CompiledScene(InScene, ABC):
     def is_outgrown(self) -> bool:
         """Has a connectivity of variable arity got longer rows than the code was compiled for?"""
         arities = self.code.arities
-        return any(c.arity != arities[name] for name, c in self.emitter.connected.items())
+        return not self._bound and any(c.arity != arities[name] for name, c in self.emitter.connected.items())
 
     @one_thread_at_a_time
     def bind(self) -> None:

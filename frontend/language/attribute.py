@@ -30,7 +30,7 @@ from yasps.frontend.language.entrywise import EntrywiseFunctions
 from yasps.frontend.language.in_scene import InScene
 from yasps.frontend.language.indexing import chosen, integer, integers, wrapped
 from yasps.frontend.language.location import Location, user_location
-from yasps.frontend.language.nodes import Computed, ComputedValue, FloatArray, Node, Stored
+from yasps.frontend.language.nodes import Computed, ComputedValue, FloatArray, Node, Stored, operands_of
 from yasps.frontend.language.paper_names import AttributeNames
 from yasps.frontend.language.scene_lock import SceneLock, one_thread_at_a_time
 from yasps.frontend.language.spelling import both_spellings
@@ -120,6 +120,20 @@ class Attribute(AttributeNames, EntrywiseFunctions, InScene):
     def node(self) -> Node:
         """How it comes about."""
         return self._node
+
+    @property
+    def inputs(self) -> tuple[Attribute, ...]:
+        """The stored attributes that it is computed from, as they are met; of a stored one itself."""
+        found: dict[Attribute, None] = {}
+        seen, stack = {self}, [self]
+        while stack:
+            attribute = stack.pop()
+            if isinstance(attribute.node, Stored):
+                found[attribute] = None
+            new = [operand for operand in dict.fromkeys(operands_of(attribute.node)) if operand not in seen]
+            seen.update(new)
+            stack.extend(reversed(new))
+        return tuple(found)
 
     @property
     def where(self) -> Location:

@@ -36,6 +36,11 @@ class AppliedForces:
             self._fields.append((body, name, force))
         return holder
 
+    @property
+    def has_fields(self) -> bool:
+        """Whether any force is a field."""
+        return bool(self._fields)
+
     def forget(self, body: Body) -> None:
         """Asks no fields of a body any more; what they said last acts no longer."""
         for of, name, _ in self._fields:

@@ -374,6 +374,11 @@ class Simulation:
             raise SceneError(f"{body.name} is fixed: a force does nothing to it")
         return self._forces.add(body, force, name)
 
+    @property
+    def has_force_fields(self) -> bool:
+        """Whether any force is a function of positions and velocities."""
+        return self._forces.has_fields
+
     def attach(self, companion: Companion) -> None:
         """Something that goes along with the bodies, such as `Joints`: its `start_step` is called before every step,
         and the constants of its `history` belong to the state."""

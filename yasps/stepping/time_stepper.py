@@ -173,14 +173,7 @@ class TimeStepper(InScene):
         self._check_sizes()
         here = self._moment(None if self.contact is None else self.contact.start_step())
         origin, effective = self._origin(here)
-        if self.effective_step is not None and self.effective_step.value[0] != effective:
-            self.effective_step.update_value(effective)
-        if self.contact is not None and origin.surface is not None:
-            self.contact.count_slips_from(origin.surface)
-        for part, x, v in zip(self.parts, origin.positions, origin.velocities, strict=True):
-            part.predicted.update_value(x + effective * v)
-        for carried, value in zip(self.carried, origin.carried, strict=True):
-            carried.constant.update_value(value)
+        self.set_constants(origin, effective)
         old_targets = Motion(self.scene).start
         report = self._solve(old_targets, self.time + dt if until is None else until)
         for k, (part, x) in enumerate(zip(self.parts, origin.positions, strict=True)):
@@ -192,6 +185,18 @@ class TimeStepper(InScene):
             self.past = Past(here, end, dt)
         self.time += dt
         return report
+
+    def set_constants(self, origin: Moment, effective: float) -> None:
+        """Sets what energies of a step read that is the same all through it: of a step that starts from X and V, the
+        origin, and whose effective step is this [s]."""
+        if self.effective_step is not None and self.effective_step.value[0] != effective:
+            self.effective_step.update_value(effective)
+        if self.contact is not None and origin.surface is not None:
+            self.contact.count_slips_from(origin.surface)
+        for part, x, v in zip(self.parts, origin.positions, origin.velocities, strict=True):
+            part.predicted.update_value(x + effective * v)
+        for carried, value in zip(self.carried, origin.carried, strict=True):
+            carried.constant.update_value(value)
 
     def _check_sizes(self) -> None:
         for part, velocity in zip(self.parts, self.velocities, strict=True):

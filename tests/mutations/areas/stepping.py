@@ -411,8 +411,8 @@ MUTATIONS = (
     Mutation(
         "rates count from the beginning of the step",
         EULER,
-        "zip(self.carried, origin.carried, strict=True)",
-        "zip(self.carried, here.carried, strict=True)",
+        "self.set_constants(origin, effective)",
+        "self.set_constants(replace(origin, carried=here.carried), effective)",
         ("tests/scenes/test_damped_bar.py::test_what_is_carried_is_where_the_rate_counts_from",),
     ),
     Mutation(

@@ -9,22 +9,20 @@ import pytest
 
 from yasps import Attribute, Scene, concat_rows
 
-ENERGIES: dict[str, Callable[[Attribute, Attribute], Attribute]] = {
-    "a transpose": lambda x, b: _square(
-        concat_rows([x.row(1) - x.row(0), x.row(2) - x.row(0)]).T * b.block(0, 0, 2, 3)
-    ),
-    "parts of a concatenation": lambda x, b: _both(x, b),
-}
+
+def _turned(x: Attribute, b: Attribute) -> Attribute:
+    """The cut has a transpose; the gradient by it reads what was transposed."""
+    product = concat_rows([x.row(1) - x.row(0), x.row(2) - x.row(0)]).T * b.block(0, 0, 2, 3)
+    return product.dot(product)
 
 
-def _square(value: Attribute) -> Attribute:
-    return value.dot(value)
-
-
-def _both(x: Attribute, b: Attribute) -> Attribute:
-    """The cut has a concatenation of affine values; it is the gradient by one of squares, and so parts of it are taken."""
+def _joined(x: Attribute, b: Attribute) -> Attribute:
+    """The cut has a concatenation; it is the gradient by one of squares, and so parts of it are taken."""
     u, v = x.row(0) + b.row(0), x.row(1) + b.row(1)
     return concat_rows([x.row(2) + b.row(2), x.row(2) - b.row(0)]).dot(concat_rows([u.hadamard(u), v.hadamard(v)]))
+
+
+ENERGIES: dict[str, Callable[[Attribute, Attribute], Attribute]] = {"transpose": _turned, "concatenation": _joined}
 
 
 @pytest.mark.parametrize("name", ENERGIES)
