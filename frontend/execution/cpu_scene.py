@@ -14,7 +14,7 @@ from yasps.backend.codegen.program import CompiledModule, Program
 from yasps.backend.codegen.scene_view import SceneView
 from yasps.backend.cpp.object import CppEmitter
 from yasps.frontend.execution.compiled_scene import CompiledScene, Term
-from yasps.frontend.execution.instance_order import OrderedReads, grouped, own_reads, rows_of
+from yasps.frontend.execution.instance_order import OrderedReads, OwnReads, grouped, own_reads, rows_of
 from yasps.frontend.execution.scene_source import CompileRequest
 from yasps.frontend.language.nodes import FloatArray
 from yasps.frontend.language.primitive import Primitive
@@ -25,7 +25,7 @@ from yasps.runtime.matrix.block_matrix import BlockGroup, BlockMatrix
 from yasps.runtime.matrix.ordering import instance_order
 from yasps.runtime.solvers.choice import LinearSolver
 from yasps.runtime.solvers.options import SolveOptions
-from yasps.runtime.solvers.pcg import SolveReport
+from yasps.runtime.solvers.pcg import PreconditionerChoice, SolveReport
 
 
 @dataclass
@@ -44,6 +44,7 @@ class CpuScene(CompiledScene):
     def __init__(self, request: CompileRequest, runtime: Runtime, *, deterministic: bool = False) -> None:
         self.runtime = runtime
         self.placements: dict[str, Placement] = {}
+        self._own_reads: dict[str, OwnReads | None] = {}
         self.static_matrix = BlockMatrix(runtime, with_diagonal=True)
         self.dynamic_matrix = BlockMatrix(runtime, with_diagonal=False)
         self._assembler = Assembler(runtime, deterministic=deterministic)
@@ -62,13 +63,9 @@ class CpuScene(CompiledScene):
         self._solver.direct_left = count
 
     @property
-    def two_level_next(self) -> bool:
-        """See `PreconditionerChoice`."""
-        return self._solver.preconditioners.two_level
-
-    @two_level_next.setter
-    def two_level_next(self, on: bool) -> None:
-        self._solver.preconditioners.two_level = on
+    def preconditioner_choice(self) -> PreconditionerChoice:
+        """What preconditioner="auto" has learned."""
+        return self._solver.preconditioners
 
     def _key(self) -> Sequence[str]:
         return [str(self.runtime.compiler.has_vector_math)]
@@ -113,7 +110,7 @@ class CpuScene(CompiledScene):
         for term in terms:
             assert term.kappa is not None
             kappa = self.program.indices(term.kappa, term.count, term.capacity)
-            ordered = self._ordered(term, self._by_branches(term)) if dynamic else None
+            ordered = self._ordered(term, self._by_branches(term)) if dynamic and term.count else None
             sorted_reads.append(ordered)
             kappas.append(kappa if ordered is None else rows_of(kappa, ordered.order))
         # Both parts need the same order inside; the one with most blocks, and that seldom changes, chooses it.
@@ -152,7 +149,9 @@ class CpuScene(CompiledScene):
         assert term.derivative is not None
         if order is None or not isinstance(term.owner, Primitive):
             return None
-        reads = own_reads(self.program, term.derivative, term.owner, self.emitter)
+        if term.derivative not in self._own_reads:
+            self._own_reads[term.derivative] = own_reads(self.program, term.derivative, term.owner, self.emitter)
+        reads = self._own_reads[term.derivative]
         return None if reads is None else OrderedReads(self.program, term.derivative, order, *reads)
 
     def _derive(

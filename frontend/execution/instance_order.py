@@ -21,6 +21,7 @@ from yasps.frontend.language.nodes import Stored
 from yasps.frontend.language.primitive import Primitive, PrimitiveBase, PrimitiveUnion
 
 Number = TypeVar("Number", np.float64, np.int32, np.int64)
+OwnReads = tuple[dict[Binding, Stored], dict[Binding, Connectivity]]
 
 
 def rows_of(array: NDArray[Number], order: NDArray[np.int64]) -> NDArray[Number]:
@@ -77,9 +78,7 @@ class OrderedReads:
                 self._versions[binding] = (stored.array, stored.version)
 
 
-def own_reads(
-    program: Program, derivative: str, owner: Primitive, emitter: SceneEmitter
-) -> tuple[dict[Binding, Stored], dict[Binding, Connectivity]] | None:
+def own_reads(program: Program, derivative: str, owner: Primitive, emitter: SceneEmitter) -> OwnReads | None:
     """What the kernel's pointers lead to whose rows are the instances of `owner`; None where they must stay in order.
 
     That is where the kernel hands the number of an instance on to another object, or reaches numbers of `owner` through

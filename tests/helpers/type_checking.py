@@ -14,7 +14,8 @@ ROOT = Path(__file__).parents[2]
 def problems(scripts: Sequence[str], folder: Path) -> list[list[str]]:
     """For each script the errors in strict mode, a line each; they are written into the folder and checked in one go.
 
-    The cache is that of `mypy` in the checkout, which CI has filled by then; from an empty one it takes a minute.
+    The cache is that of `mypy` in the checkout, which CI fills while the first tests run; from an empty one it takes a
+    minute.
     """
     files = [folder / f"script_{k}.py" for k in range(len(scripts))]
     for file, script in zip(files, scripts, strict=True):

@@ -134,6 +134,7 @@ OPERATIONS: dict[str, Operation] = {
         A @ [[1.0, 2.0], [3.0, 4.0], [5.0, 6.0]],
     ),
     "stop_gradient": (lambda p: p["a"].stop_gradient(), A),
+    "with_derivatives": (lambda p: p["v"].with_derivatives(p["v"], identity(3)), V),
 }
 
 

@@ -274,4 +274,18 @@ MUTATIONS = (
         "freed_after[k] += to",
         DIVIDED,
     ),
+    Mutation(
+        "a source's own flags are no part of its key",
+        "runtime/build/toolchain.py",
+        'digest_of(compiler_key, *source.flags, "source", source.text)',
+        'digest_of(compiler_key, "source", source.text)',
+        ("tests/runtime/build/test_toolchain.py::test_a_source_may_have_flags_of_its_own",),
+    ),
+    Mutation(
+        "energies are compiled without the passes that their loops need",
+        "backend/codegen/program.py",
+        'compiler.derivative_flags if "derive" in code.entries else ()',
+        "compiler.derivative_flags",
+        ("tests/backend/codegen/test_program.py::test_kernels_of_derivatives_alone_have_further_flags",),
+    ),
 )
