@@ -21,6 +21,7 @@ SCENES: dict[str, list[str]] = {
     "cloths_on_bunny": ["--size", "8", "--frames", "14", "--dt", "0.04"],
     "dominoes": ["--size", "3", "--frames", "90"],
     "erleben": ["--frames", "10"],
+    "fit_material": ["--size", "4", "--frames", "10"],
     "gripper": ["--size", "100", "--frames", "100"],
     "lever": ["--size", "4", "--frames", "20"],
     "many_bunnies_on_cloth": ["--size", "8", "--frames", "13", "--dt", "0.04", "--bunnies", "2"],
@@ -31,6 +32,7 @@ SCENES: dict[str, list[str]] = {
     "refined_cloth": ["--size", "5", "--frames", "20", "--finest", "0.03"],
     "repulsive_curve": ["--size", "100", "--frames", "5"],
     "rods_twist": ["--size", "1", "--frames", "70"],
+    "throw": ["--size", "26", "--frames", "26"],
     "turntable": ["--size", "2", "--frames", "25"],
     "two_bunnies": ["--size", "1500", "--frames", "2", "--friction", "0"],
 }

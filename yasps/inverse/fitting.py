@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -61,7 +61,7 @@ class Iteration:
     """Of the trajectory so far."""
 
 
-@dataclass
+@dataclass(repr=False)
 class Fit:
     """What a fit has come to: the objective, and the values of the parameters by name."""
 
@@ -73,6 +73,11 @@ class Fit:
     history: list[Iteration] = field(default_factory=list)
     warnings: list[str] = field(default_factory=list)
     """Of the gradient at the end."""
+
+    def __repr__(self) -> str:
+        runs = self.history[-1].runs if self.history else 0
+        end = "converged" if self.converged else "not converged"
+        return f"<Fit: {self.value:.6g} after {len(self.history)} iterations, {runs} runs; {end}: {self.reason}>"
 
     def __getitem__(self, parameter: object) -> FloatArray:
         """By a parameter, or its name. Raises SceneError."""
@@ -110,6 +115,8 @@ def fit(
     """
     from scipy import optimize
 
+    if not isinstance(trajectory, Trajectory):
+        raise SceneError(f"what is fitted is a Trajectory, got {trajectory!r}")
     if method not in METHODS:
         raise SceneError(f"method is one of {', '.join(METHODS)}, got {method!r}")
     chosen, objectives = checked_parameters(trajectory, parameters), checked_objectives(trajectory, objective)
@@ -147,11 +154,17 @@ def fit(
 
 def _by_name(chosen: list[Parameter], given: Mapping[Any, Any] | None, what: str) -> dict[str, Any]:
     """By the names of parameters. Raises SceneError for others."""
+    if given is not None and not isinstance(given, Mapping):
+        raise SceneError(f"{what} are a dictionary, parameter -> what is for it, got {given!r}")
     known, found = {one.name for one in chosen}, {}
     for parameter, value in (given or {}).items():
         names = known.intersection(names_of(parameter))
         if not names:
             raise SceneError(f"{what} are of parameters of the fit, {', '.join(known)}, got {parameter!r}")
+        if what == "transforms" and not isinstance(value, Transform):
+            raise SceneError(f"a transform is LOG, scaled(unit) or a Transform, got {value!r}")
+        if what == "bounds" and (isinstance(value, str) or not isinstance(value, Sequence) or len(value) != 2):
+            raise SceneError(f"bounds are a pair, the lowest and the highest number, got {value!r}")
         found[names.pop()] = value
     return found
 

@@ -197,10 +197,7 @@ class Trajectory:
         """
         self._check()
         self.taken, self._frames, self._checkpoints = [], {}, {}
-        set_state(self.simulation, self.start)
-        if self.simulation.contact is not None:  # another start is no way that anything went
-            self.simulation.contact.accept(self.simulation.contact.positions())
-        self.set_schedules(0)
+        self.restart()
         digest = self._digest_now()
         spacing = self.steps if self.keep == "all" else ceil(sqrt(self.steps))
         self._note(0)
@@ -343,6 +340,13 @@ class Trajectory:
         """Puts the simulation back to the end of the last run."""
         self.set_schedules(self.steps - 1)
         set_state(self.simulation, self._end)
+
+    def restart(self) -> None:
+        """Puts the simulation at the start, as `run` does."""
+        set_state(self.simulation, self.start)
+        if self.simulation.contact is not None:  # another start is no way that anything went
+            self.simulation.contact.accept(self.simulation.contact.positions())
+        self.set_schedules(0)
 
     def view(self, at: int, frame: Frame) -> FrameView:
         """A frame that the scene is at, for objectives."""
