@@ -52,7 +52,7 @@ KIT_ROOMS = {
     "simulation": {"materials", "meshes", "output", "contact", "bodies", "stepping"},
     "inverse": {"output", "contact", "bodies", "stepping", "simulation"},
     "program": {"output", "stepping", "simulation"},
-    "bridges": set(),
+    "bridges": {"inverse"},
 }
 INSIDE = {
     "yasps.frontend.language.arrays",  # checks of arguments, with the messages that all of yasps has

@@ -361,13 +361,15 @@ def test_the_run_of_the_document_is_differentiated() -> None:
 
 
 def test_the_bridge_to_jax_of_the_document() -> None:
-    """Newton's method converges quadratically."""
+    """Newton's method converges quadratically, and the cube that is thrown gets there."""
     jax = pytest.importorskip("jax", reason="pip install 'yasps[jax]'")
     before = jax.config.jax_enable_x64
     names: dict[str, Any] = {}
+    scipy_code, jax_code, _, layer_code = blocks(BRIDGES, "python")
     try:
-        for code in blocks(BRIDGES, "python")[:2]:
+        for code in (scipy_code, jax_code, layer_code):
             exec(code, names)
+        assert names["miss"](names["velocity"]) < 1e-24
     finally:
         jax.config.update("jax_enable_x64", before)
     first, *_, last = slopes = names["slopes"]
@@ -379,7 +381,7 @@ def test_the_bridge_to_jax_of_the_document() -> None:
 def test_the_bridge_to_torch_of_the_document(capsys: pytest.CaptureFixture[str]) -> None:
     pytest.importorskip("torch", reason="pip install 'yasps[torch]'")
     names: dict[str, Any] = {}
-    scipy_code, _, torch_code = blocks(BRIDGES, "python")
+    scipy_code, _, torch_code, _ = blocks(BRIDGES, "python")
     exec(scipy_code, names)
     exec(torch_code, names)
     assert "torch.Size([3, 1, 1])" in capsys.readouterr().out
@@ -399,7 +401,7 @@ def test_every_python_block_is_run() -> None:
     run = {
         "README.md": 1,
         "architecture.md": 1,
-        "bridges.md": 3,
+        "bridges.md": 4,
         "contact-and-stepping.md": 6,
         "gpu.md": 1,
         "inverse.md": 3,

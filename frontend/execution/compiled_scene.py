@@ -33,7 +33,7 @@ from yasps.frontend.language.scene_lock import one_thread_at_a_time
 from yasps.runtime.core.library import Projection
 from yasps.runtime.matrix.block_matrix import MOST_LOCAL_BLOCKS, MOST_SCALARS, BlockGroup
 from yasps.runtime.solvers.options import SolveOptions
-from yasps.runtime.solvers.pcg import SolveReport
+from yasps.runtime.solvers.pcg import PreconditionerChoice, SolveReport
 
 MODES = {"clamp": Projection.CLAMP, "abs": Projection.ABS, "none": Projection.NONE}
 
@@ -217,13 +217,8 @@ class CompiledScene(InScene, ABC):
 
     @property
     @abstractmethod
-    def two_level_next(self) -> bool:
-        """Whether preconditioner="auto" begins the next system with the coarse space."""
-
-    @two_level_next.setter
-    @abstractmethod
-    def two_level_next(self, on: bool) -> None:
-        """For a state that goes on elsewhere."""
+    def preconditioner_choice(self) -> PreconditionerChoice:
+        """What preconditioner="auto" has learned."""
 
     # -- code ----------------------------------------------------------------------------------------------
 

@@ -25,7 +25,7 @@ from yasps.runtime.matrix.block_matrix import BlockGroup, BlockMatrix
 from yasps.runtime.matrix.ordering import instance_order
 from yasps.runtime.solvers.choice import LinearSolver
 from yasps.runtime.solvers.options import SolveOptions
-from yasps.runtime.solvers.pcg import SolveReport
+from yasps.runtime.solvers.pcg import PreconditionerChoice, SolveReport
 
 
 @dataclass
@@ -63,13 +63,9 @@ class CpuScene(CompiledScene):
         self._solver.direct_left = count
 
     @property
-    def two_level_next(self) -> bool:
-        """See `PreconditionerChoice`."""
-        return self._solver.preconditioners.two_level
-
-    @two_level_next.setter
-    def two_level_next(self, on: bool) -> None:
-        self._solver.preconditioners.two_level = on
+    def preconditioner_choice(self) -> PreconditionerChoice:
+        """What preconditioner="auto" has learned."""
+        return self._solver.preconditioners
 
     def _key(self) -> Sequence[str]:
         return [str(self.runtime.compiler.has_vector_math)]

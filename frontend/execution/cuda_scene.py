@@ -35,7 +35,7 @@ from yasps.runtime.matrix.block_matrix import BlockGroup
 from yasps.runtime.matrix.cuda.block_matrix import BuildScratch, CudaBlockMatrix
 from yasps.runtime.solvers.cuda.pcg import CudaSolver
 from yasps.runtime.solvers.options import SolveOptions
-from yasps.runtime.solvers.pcg import SolveReport
+from yasps.runtime.solvers.pcg import PreconditionerChoice, SolveReport
 
 
 @dataclass
@@ -78,13 +78,9 @@ class CudaScene(CompiledScene):
         super().__init__(request)
 
     @property
-    def two_level_next(self) -> bool:
-        """See `PreconditionerChoice`."""
-        return self._solver.choice.two_level
-
-    @two_level_next.setter
-    def two_level_next(self, on: bool) -> None:
-        self._solver.choice.two_level = on
+    def preconditioner_choice(self) -> PreconditionerChoice:
+        """What preconditioner="auto" has learned."""
+        return self._solver.choice
 
     def _key(self) -> Sequence[str]:
         return CUDA_KEY

@@ -92,7 +92,7 @@ _SIGNATURES: dict[str, tuple[type | None, tuple[type, ...]]] = {
             _pointer,
             _double,
             _long,
-            _long,
+            _int,
             _pointer,
             _int,
             _int,

@@ -25,8 +25,8 @@ class SolveOptions:
     gradients; "direct", a sparse factorisation; "auto", the one that did better (see `LinearSolver`). projection:
     "always", or "on-demand", only where H turns out not to be positive definite; a solver that is given H does not look
     at it. history: keep the residual of every iteration of conjugate gradients in the report. preconditioner: of
-    conjugate gradients, "jacobi", which is D; "two-level", D and a coarse space; "auto", one of these by what earlier
-    systems took (see `PcgSolver`, `PreconditionerChoice`).
+    conjugate gradients, "jacobi", which is D; "two-level", D and a coarse space; "auto", the one that
+    was cheaper for earlier systems (see `PcgSolver`, `PreconditionerChoice`).
 
     Raises ValueError for what can't limit a solver and for names that don't exist.
     """

@@ -269,8 +269,8 @@ void invert_diagonal_of(Workspace& w, const System& system, Piece& p) {
 struct Options {
     double tolerance;
     long max_iterations;
-    double* history;   // [max_iterations + 1] or null
-    long coarse_from;  // the iteration before which the coarse space comes in; negative: never
+    double* history;  // [max_iterations + 1] or null
+    bool coarse;      // with the coarse space
 };
 
 // Vectors of a piece before the first iteration; its two sums become whether g is not finite, and its largest entry.
@@ -343,29 +343,29 @@ void iterate(Workspace& w, const System& system, const Options& options, const d
     double damped = total(w, 1);  // r^T D^-1 r
     double squared = damped;      // r^T M^-1 r, with the coarse space in M
 
+    if (options.coarse && damped > options.tolerance * reference && options.max_iterations > 0) {
+        coarse = start_coarse(w, system, share);
+        broke_down = !coarse;
+    }
+    if (coarse) {
+        for (const Piece& p : share) {
+            clear_restricted(w, p);
+            restrict_to_coarse(w, layout, p.blocks, restricted_of(w, p));
+        }
+#pragma omp barrier
+        solve_coarse(w.coarse, system.aggregates(), w.piece_count);
+#pragma omp barrier
+        squared += coarse_product(w.coarse, system.aggregates());
+        for (const Piece& p : share) step_direction(w, layout, p, 0, 0, true);
+#pragma omp barrier
+    }
+
     for (long iteration = 0;; ++iteration) {
         const double relative = damped / reference;
         if (reports && options.history != nullptr) options.history[iteration] = relative;
         if (!(relative < INFINITY)) return stop(iteration, relative, kNotFinite, -1);
         if (relative <= options.tolerance) return stop(iteration, relative, kConverged, -1);
         if (iteration == options.max_iterations) return stop(iteration, relative, kMaxIterations, -1);
-
-        if (iteration == options.coarse_from) {
-            coarse = start_coarse(w, system, share);
-            broke_down = !coarse;
-            if (coarse) {  // conjugate gradients begin anew from here
-                for (const Piece& p : share) {
-                    clear_restricted(w, p);
-                    restrict_to_coarse(w, layout, p.blocks, restricted_of(w, p));
-                }
-#pragma omp barrier
-                solve_coarse(w.coarse, system.aggregates(), w.piece_count);
-#pragma omp barrier
-                squared = damped + coarse_product(w.coarse, system.aggregates());
-                for (const Piece& p : share) step_direction(w, layout, p, 0, 0, true);
-#pragma omp barrier
-            }
-        }
 
         for (const Piece& p : share) multiply_piece(system, p, w.direction.data);
 #pragma omp barrier
@@ -414,15 +414,14 @@ extern "C" {
 yasps::Workspace* yasps_workspace_new() { return new (std::nothrow) yasps::Workspace; }
 void yasps_workspace_free(yasps::Workspace* w) { delete w; }
 
-// Solves (sum of parts) x = g. All parts have the same layout. x0 and history may be null. coarse_from: before which
-// iteration the coarse space comes in, negative for never. Results are the same for
-// the same number of pieces, whatever the number of threads.
+// Solves (sum of parts) x = g. All parts have the same layout. x0 and history may be null. coarse: whether the
+// coarse space is used. Results are the same for the same number of pieces, whatever the number of threads.
 int yasps_solve(yasps::Workspace* w, int parts, const yasps::Structure* const* structures, const double* const* values,
-                const double* g, const double* x0, double* x, double tolerance, long max_iterations, long coarse_from,
+                const double* g, const double* x0, double* x, double tolerance, long max_iterations, int coarse,
                 double* history, int threads, int pieces, yasps::SolveResult* result) {
     const yasps::System system = {parts, structures, values};
-    if (!yasps::reserve(*w, system, pieces, threads, coarse_from >= 0)) return yasps::kOutOfMemory;
-    const yasps::Options options = {tolerance, max_iterations, history, coarse_from};
+    if (!yasps::reserve(*w, system, pieces, threads, coarse != 0)) return yasps::kOutOfMemory;
+    const yasps::Options options = {tolerance, max_iterations, history, coarse != 0};
 #pragma omp parallel num_threads(threads)
     yasps::iterate(*w, system, options, g, x0, x, result);
     return yasps::kOk;

@@ -5,10 +5,10 @@ from __future__ import annotations
 import ctypes
 import logging
 import weakref
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from enum import Enum
-from typing import ClassVar, Protocol
+from typing import ClassVar, Protocol, TypeVar
 
 import numpy as np
 
@@ -40,7 +40,8 @@ class SolveReport:
     else None. history: that quantity before each iteration and at the end, when it was asked for. solver: what solved:
     "pcg", or the name of a direct solver's library (iterations then are those that took out rounding). why: what made
     the choice, where there was one. two_level: whether the coarse space was used. coarse_broke_down: whether it was to
-    be used but its matrix was not positive definite, so that block Jacobi went on alone.
+    be used but its matrix was not positive definite, so that block Jacobi went on alone. trial_iterations: of the other
+    preconditioner, where "auto" tried it on the same system.
     """
 
     reason: StopReason
@@ -52,11 +53,17 @@ class SolveReport:
     why: str = ""
     two_level: bool = False
     coarse_broke_down: bool = False
+    trial_iterations: int = 0
 
     @property
     def direct(self) -> bool:
         """Whether a direct solver did it."""
         return self.solver != "pcg"
+
+    @property
+    def all_iterations(self) -> int:
+        """With those of a trial."""
+        return self.iterations + self.trial_iterations
 
     def by(self, solver: str, why: str = "") -> SolveReport:
         """The same report of another solver."""
@@ -79,38 +86,100 @@ class SolveReport:
         )
 
 
+X = TypeVar("X")
+Run = Callable[[bool, int], tuple[X, SolveReport]]
+"""Solves one system: with the coarse space?, most iterations."""
+
+
 @dataclass
 class PreconditionerChoice:
     """What preconditioner="auto" has learned of a scene. It counts iterations, not seconds, so that it decides the same
     in every run.
 
-    Block Jacobi begins, and where it takes SLOW iterations, the coarse space comes in for the rest. The next systems
-    have it from the start, until one takes at most QUICK.
+    Block Jacobi begins; where it is not done in PATIENCE iterations, the coarse space solves that system and the next
+    ones. Now and then a system is solved with the other preconditioner, too, and the next systems get the one that was
+    cheaper in the latest of these trials. Trials become rare while they change nothing.
     """
 
     two_level: bool = False
-    """Whether the next system has the coarse space from the start."""
+    """Whether the next system has the coarse space."""
+    lead: float = 0.0
+    """By how much the coarse space was cheaper in the trials, in iterations of block Jacobi; late ones count most."""
+    solved: int = 0
+    """Systems since the last trial."""
+    wait: int = 0
+    """How many there are at least between two trials; 0 before the first."""
 
+    ITERATION: ClassVar[float] = 1.2
+    """What an iteration with the coarse space costs, in iterations of block Jacobi (docs/performance.md)."""
+    SETUP: ClassVar[float] = 10.0
+    """What the coarse matrix and its inverse cost, in the same unit."""
     SLOW: ClassVar[int] = 40
-    """Iterations of block Jacobi that cost more than the coarse space's matrix and what it saves of easy systems."""
-    QUICK: ClassVar[int] = 15
-    """Iterations with the coarse space of systems for which block Jacobi takes fewer than SLOW."""
+    """Systems for which block Jacobi takes fewer iterations are not worth a trial."""
+    PATIENCE: ClassVar[int] = 300
+    """What block Jacobi gets before the first trial."""
     FEWEST_BLOCKS: ClassVar[int] = 5000
-    """Scenes with fewer dof blocks do not get faster: fewer, but as much dearer iterations (docs/performance.md)."""
+    """Scenes with fewer dof blocks do not get faster: fewer, but as much dearer iterations."""
+    SHORTEST_WAIT: ClassVar[int] = 8
+    LONGEST_WAIT: ClassVar[int] = 64
+    """Bounds of `wait`: a trial costs about a solve, so that rare ones do not count."""
+    DEARER: ClassVar[float] = 1.25
+    """A trial ends at so many times the cost of the first solve."""
+    MEMORY: ClassVar[float] = 0.25
+    """What is left of `lead` in the next trial."""
 
-    def coarse_from(self, preconditioner: str, part: Part) -> int:
-        """The iteration before which the coarse space comes in; -1 for never."""
-        if preconditioner == "jacobi":
-            return -1
-        if preconditioner == "two-level":
-            return 0
-        if int((np.diff(part.boundaries) // part.block_sizes).sum()) < self.FEWEST_BLOCKS:
-            return -1
-        return 0 if self.two_level else self.SLOW
+    def solve(self, options: SolveOptions, part: Part, run: Run[X]) -> tuple[X, SolveReport]:
+        """Solves a system with the preconditioner of these options, and learns from it.
 
-    def learn(self, report: SolveReport) -> None:
-        """Takes note of how a system was solved."""
-        self.two_level = report.two_level and report.iterations > self.QUICK
+        part: a matrix of the system. run: solves it, with the coarse space or without, in at most so many iterations;
+        the x that it converged to is still needed when it is called again.
+        """
+        if options.preconditioner != "auto" or _block_count(part) < self.FEWEST_BLOCKS:
+            return run(options.preconditioner == "two-level", options.max_iterations)
+        is_new = self.wait == 0
+        most = min(options.max_iterations, self.PATIENCE) if is_new else options.max_iterations
+        x, report = run(self.two_level, most)
+        if is_new and report.reason is StopReason.MAX_ITERATIONS and most < options.max_iterations:
+            self.two_level, self.wait = True, self.SHORTEST_WAIT
+            x, report = run(True, options.max_iterations)
+            return x, replace(report, trial_iterations=most)
+        self.solved += 1
+        if report.converged and self.solved > self.wait and (self.two_level or report.iterations >= self.SLOW):
+            report = replace(report, trial_iterations=self._try_other(options, report, run))
+        return x, report
+
+    def _try_other(self, options: SolveOptions, report: SolveReport, run: Run[X]) -> int:
+        """Solves the same system with the other preconditioner, and chooses for the next ones. Returns iterations."""
+        cost = self._cost(report)
+        dear = self.DEARER * cost
+        most = dear if self.two_level else (dear - self.SETUP) / self.ITERATION
+        _, other = run(not self.two_level, min(int(most), options.max_iterations))
+        of_other = self._cost(other) if other.converged else dear
+        self.lead = self.MEMORY * self.lead + (of_other - cost if self.two_level else cost - of_other)
+        before, self.two_level = self.two_level, self.lead > 0
+        longer = min(max(2 * self.wait, self.SHORTEST_WAIT), self.LONGEST_WAIT)
+        self.wait = longer if self.two_level == before else self.SHORTEST_WAIT
+        self.solved = 0
+        return other.iterations
+
+    def _cost(self, report: SolveReport) -> float:
+        """In iterations of block Jacobi."""
+        if report.coarse_broke_down:
+            return self.SETUP + report.iterations
+        return self.SETUP + self.ITERATION * report.iterations if report.two_level else float(report.iterations)
+
+    def numbers(self) -> FloatArray:
+        """What was learned, for a state that goes on elsewhere, [4]."""
+        return np.array([self.two_level, self.lead, self.solved, self.wait], dtype=np.float64)
+
+    def set_numbers(self, numbers: FloatArray) -> None:
+        """Goes on from what `numbers` gave."""
+        two_level, lead, solved, wait = numbers.tolist()
+        self.two_level, self.lead, self.solved, self.wait = bool(two_level), lead, int(solved), int(wait)
+
+
+def _block_count(part: Part) -> int:
+    return int((np.diff(part.boundaries) // part.block_sizes).sum())
 
 
 class _Result(ctypes.Structure):
@@ -177,33 +246,36 @@ class PcgSolver(Uncopied):
         size = parts[0].size
         g = as_vector(g, size, "g")
         start = as_vector(x0, size, "x0") if x0 is not None else None
-        x = np.empty(size)
-        history = np.full(options.max_iterations + 1, np.nan) if options.history else None
-        result = _Result()
         count = self._runtime.thread_count(threads)
-        status = self._runtime.library.yasps_solve(
-            self._handle,
-            len(parts),
-            (ctypes.c_void_p * len(parts))(*(part.handle for part in parts)),
-            (ctypes.c_void_p * len(parts))(*(part.values.ctypes.data for part in parts)),
-            g.ctypes.data,
-            start.ctypes.data if start is not None else None,
-            x.ctypes.data,
-            options.tolerance,
-            options.max_iterations,
-            self.choice.coarse_from(options.preconditioner, parts[0]),
-            history.ctypes.data if history is not None else None,
-            count,
-            piece_count(count, self._deterministic),
-            ctypes.addressof(result),
-        )
-        check_status(status)
-        report = report_of(result.reason, result.iterations, result.relative_residual, result.block, history)
-        report = replace(report, two_level=result.coarse > 0, coarse_broke_down=result.coarse < 0)
-        if report.coarse_broke_down:
-            LOGGER.warning(COARSE_BROKE_DOWN)
-        self.choice.learn(report)
-        return x, report
+
+        def run(two_level: bool, max_iterations: int) -> tuple[FloatArray, SolveReport]:
+            x = np.empty(size)
+            history = np.full(max_iterations + 1, np.nan) if options.history else None
+            result = _Result()
+            status = self._runtime.library.yasps_solve(
+                self._handle,
+                len(parts),
+                (ctypes.c_void_p * len(parts))(*(part.handle for part in parts)),
+                (ctypes.c_void_p * len(parts))(*(part.values.ctypes.data for part in parts)),
+                g.ctypes.data,
+                start.ctypes.data if start is not None else None,
+                x.ctypes.data,
+                options.tolerance,
+                max_iterations,
+                two_level,
+                history.ctypes.data if history is not None else None,
+                count,
+                piece_count(count, self._deterministic),
+                ctypes.addressof(result),
+            )
+            check_status(status)
+            report = report_of(result.reason, result.iterations, result.relative_residual, result.block, history)
+            report = replace(report, two_level=result.coarse > 0, coarse_broke_down=result.coarse < 0)
+            if report.coarse_broke_down:
+                LOGGER.warning(COARSE_BROKE_DOWN)
+            return x, report
+
+        return self.choice.solve(options, parts[0], run)
 
 
 def report_of(

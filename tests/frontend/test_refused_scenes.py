@@ -76,7 +76,7 @@ TABLE: dict[str, Refused] = {
     "no instances of a static primitive": Refused(
         lambda w: w.body.add_primitive("p", 0), SceneError, ("mesh body", "'p'", "is_dynamic=True")
     ),
-    "resizing a static primitive": Refused(lambda w: w.points.set_num_instances(6), SceneError, ("fixed", "5", "6")),
+    "resizing a static primitive": Refused(lambda w: w.points.set_num_instances(6), SceneError, ("resize", "5", "6")),
     "resizing a union": Refused(lambda w: w.all_points.set_num_instances(6), SceneError, ("all.points", "8", "6")),
     "resizing a mesh": Refused(lambda w: w.body.set_num_instances(2), SceneError, ("mesh body", "1", "2")),
     # update

@@ -21,6 +21,7 @@ from checkpoint_scene import CUBE, NAME, crowd
 from yasps import NotConvergedError, Scene, SceneError
 from yasps.bodies import AffineBody, SoftBody
 from yasps.output import FrameRecorder, read_series
+from yasps.runtime.solvers.pcg import PreconditionerChoice
 from yasps.simulation import Checkpoints, DamagedStateError, Simulation, fingerprint, state_files
 from yasps.stepping import BDF2
 
@@ -83,12 +84,13 @@ def test_other_solvers_go_on_in_the_same_way(solver: str, tmp_path: Path) -> Non
 def test_what_auto_has_learned_belongs_to_the_state(tmp_path: Path) -> None:
     simulation, _ = falling()
     simulation.scene.compile().direct_solves_left = 7
-    simulation.scene.compile().two_level_next = True
+    learned = PreconditionerChoice(two_level=True, lead=3.5, solved=6, wait=16)
+    simulation.scene.compile().preconditioner_choice.set_numbers(learned.numbers())
     simulation.save(tmp_path / "state.npz")
     again, _ = falling()
     again.restore(tmp_path / "state.npz")
     assert again.scene.compile().direct_solves_left == 7
-    assert again.scene.compile().two_level_next
+    assert again.scene.compile().preconditioner_choice == learned
 
 
 def test_numbers_that_were_set_on_the_way_are_restored(tmp_path: Path) -> None:

@@ -17,6 +17,8 @@ from numpy.typing import NDArray
 
 from yasps import Attribute, DataError, Scene, SceneError
 from yasps.bridges.energy_function import EnergyFunction
+from yasps.bridges.trajectory_function import Frames, TrajectoryFunction
+from yasps.inverse import Parameter, Trajectory
 
 _Arrays = Sequence[Any]
 
@@ -54,16 +56,7 @@ class _EnergyInJax:
         return f"{self._function!r} for JAX"
 
     def __call__(self, *arrays: Any) -> Any:
-        if jnp.result_type(float) != jnp.float64:
-            raise SceneError(
-                f"{self!r} computes in float64, and JAX in float32 now: call "
-                "jax.config.update('jax_enable_x64', True) before JAX makes its first array"
-            )
-        for k, array in enumerate(arrays):
-            kind = getattr(array, "dtype", type(array).__name__)
-            if kind != jnp.float64:
-                raise DataError(f"argument {k} must be a float64 array, got {kind}: jnp.asarray(values, jnp.float64)")
-        self._function.check_shapes([array.shape for array in arrays])
+        _check_arrays(self._function, arrays)
         return self._value(*map(jnp.asarray, arrays))
 
     def _value_on_host(self, *arrays: Any) -> Any:
@@ -106,6 +99,20 @@ class _EnergyInJax:
         return made
 
 
+def _check_arrays(function: EnergyFunction | TrajectoryFunction, arrays: _Arrays) -> None:
+    """Raises SceneError unless JAX computes in float64, DataError and ShapeMismatchError for wrong arguments."""
+    if jnp.result_type(float) != jnp.float64:
+        raise SceneError(
+            f"{function!r} computes in float64, and JAX in float32 now: call "
+            "jax.config.update('jax_enable_x64', True) before JAX makes its first array"
+        )
+    for k, array in enumerate(arrays):
+        kind = getattr(array, "dtype", type(array).__name__)
+        if kind != jnp.float64:
+            raise DataError(f"argument {k} must be a float64 array, got {kind}: jnp.asarray(values, jnp.float64)")
+    function.check_shapes([array.shape for array in arrays])
+
+
 def _like(array: Any) -> Any:
     return jax.ShapeDtypeStruct(array.shape, jnp.float64)
 
@@ -116,3 +123,42 @@ def _on_host(function: Callable[..., Any], result: Any, arrays: _Arrays) -> Any:
         return np.float64(made) if isinstance(made, float) else made
 
     return jax.pure_callback(call, result, *arrays, vmap_method="sequential")
+
+
+def trajectory_layer(
+    trajectory: Trajectory,
+    parameters: Attribute | Parameter | Sequence[Attribute | Parameter],
+    outputs: Attribute | Sequence[Attribute],
+    *,
+    frames: Frames = "last",
+) -> Callable[..., Any]:
+    """A run as a JAX function of one float64 array for each parameter, with exact derivatives backwards (`jax.grad`,
+    `jax.vjp`, `jax.jacrev`); it gives an array for each output, alone if there is but one.
+
+    See `TrajectoryFunction`. There are no derivatives forwards, and no second ones: JAX says so. Raises as
+    `energy_function` does.
+    """
+    function = TrajectoryFunction(trajectory, parameters, outputs, frames=frames)
+
+    def forward(*arrays: Any) -> Any:
+        results = [jax.ShapeDtypeStruct(shape, jnp.float64) for shape in function.shapes]
+        return _on_host(function.values, results, arrays)
+
+    def forward_kept(*arrays: Any) -> Any:
+        return forward(*arrays), arrays
+
+    def backward(arrays: _Arrays, slopes: _Arrays) -> Any:
+        def host(*given: Any) -> Any:
+            return function.pull_back(given[: len(arrays)], given[len(arrays) :])
+
+        return tuple(_on_host(host, [_like(array) for array in arrays], [*arrays, *slopes]))
+
+    layer = jax.custom_vjp(forward)
+    layer.defvjp(forward_kept, backward)
+
+    def call(*arrays: Any) -> Any:
+        _check_arrays(function, arrays)
+        results = layer(*map(jnp.asarray, arrays))
+        return results[0] if len(results) == 1 else results
+
+    return call

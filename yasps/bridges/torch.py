@@ -13,6 +13,8 @@ import torch
 
 from yasps import Attribute, DataError, FloatArray, Scene
 from yasps.bridges.energy_function import EnergyFunction
+from yasps.bridges.trajectory_function import Frames, TrajectoryFunction
+from yasps.inverse import Parameter, Trajectory
 
 
 def energy_function(
@@ -34,11 +36,7 @@ def energy_function(
     function = EnergyFunction(scene, inputs, energies=energies)
 
     def energy(*tensors: Any) -> Any:
-        for k, tensor in enumerate(tensors):
-            kind = getattr(tensor, "dtype", type(tensor).__name__)
-            if kind != torch.float64:
-                raise DataError(f"argument {k} must be a float64 tensor, got {kind}: tensor.double()")
-        function.check_shapes([tuple(tensor.shape) for tensor in tensors])
+        _check_tensors(function, tensors)
         return _Value.apply(function, *tensors)
 
     return energy
@@ -161,6 +159,15 @@ def _refuse_third(function: EnergyFunction, asked: Sequence[bool]) -> None:
         )
 
 
+def _check_tensors(function: EnergyFunction | TrajectoryFunction, tensors: Sequence[Any]) -> None:
+    """Raises DataError and ShapeMismatchError for wrong arguments."""
+    for k, tensor in enumerate(tensors):
+        kind = getattr(tensor, "dtype", type(tensor).__name__)
+        if kind != torch.float64:
+            raise DataError(f"argument {k} must be a float64 tensor, got {kind}: tensor.double()")
+    function.check_shapes([tuple(tensor.shape) for tensor in tensors])
+
+
 def _array(tensor: Any) -> FloatArray:
     """The numbers on the host, not to be written to."""
     return np.asarray(tensor.detach().cpu().numpy())
@@ -169,3 +176,44 @@ def _array(tensor: Any) -> FloatArray:
 def _tensors(arrays: Sequence[FloatArray], like: Sequence[Any]) -> tuple[Any, ...]:
     """Arrays as tensors, each on the device of one given."""
     return tuple(torch.from_numpy(array).to(tensor.device) for array, tensor in zip(arrays, like, strict=True))
+
+
+def trajectory_layer(
+    trajectory: Trajectory,
+    parameters: Attribute | Parameter | Sequence[Attribute | Parameter],
+    outputs: Attribute | Sequence[Attribute],
+    *,
+    frames: Frames = "last",
+) -> Callable[..., Any]:
+    """A run as a PyTorch function of one float64 tensor for each parameter, with exact derivatives by `backward()`; it
+    gives a tensor for each output, alone if there is but one.
+
+    See `TrajectoryFunction`. There are no second derivatives: PyTorch says so. Raises as `energy_function` does.
+    """
+    function = TrajectoryFunction(trajectory, parameters, outputs, frames=frames)
+
+    def layer(*tensors: Any) -> Any:
+        _check_tensors(function, tensors)
+        results = _Run.apply(function, *tensors)
+        return results[0] if len(results) == 1 else results
+
+    return layer
+
+
+class _Run(torch.autograd.Function):  # type: ignore[misc]
+    """The steps of a run."""
+
+    @staticmethod
+    def forward(ctx: Any, function: TrajectoryFunction, *tensors: Any) -> Any:
+        """One tensor for each output."""
+        ctx.function = function
+        ctx.save_for_backward(*tensors)
+        return _tensors(function.values(*map(_array, tensors)), [tensors[0]] * len(function.outputs))
+
+    @staticmethod
+    @torch.autograd.function.once_differentiable  # type: ignore[untyped-decorator]
+    def backward(ctx: Any, *slopes: Any) -> Any:
+        """One tensor for each parameter."""
+        tensors = ctx.saved_tensors
+        parts = ctx.function.pull_back([*map(_array, tensors)], [*map(_array, slopes)])
+        return None, *_tensors(parts, tensors)

@@ -130,7 +130,8 @@ def fit(
     if method in BY_PRODUCTS and all(isinstance(one, Squares) for one in objectives):
         keywords["hessp"] = lambda x, d: search.product(objectives, x, d)
     limit = {"maxiter": checked_count(max_iterations, "max_iterations", 1)}
-    found = optimize.minimize(
+    minimize: Any = optimize.minimize  # its stubs know methods by their names, not by a variable
+    found = minimize(
         search.value_and_slope,
         start,
         jac=True,
@@ -172,7 +173,7 @@ class _Search:
         self.file: Path | None = None
         self.history: list[Iteration] = []
         self.runs = 0
-        self._x: FloatArray | None = None
+        self._x: FloatArray = np.empty(0)
         self._gradient: Gradient | None = None
         self._begin = time.perf_counter()
 
@@ -247,9 +248,9 @@ class _Search:
         self.at(x)
         slopes = self._slopes(x)
         parts = self._split(slopes * direction)
-        along = dict(zip(self.parameters, parts, strict=True))
+        along: dict[Parameter | Attribute, ArrayLike] = dict(zip(self.parameters, parts, strict=True))
         found = gauss_newton_product(self.trajectory, objectives, along)
-        return slopes * np.concatenate([found[one.name].reshape(-1) for one in self.parameters])
+        return np.asarray(slopes * np.concatenate([found[one.name].reshape(-1) for one in self.parameters]))
 
     def after_iteration(self, x: FloatArray, *_: Any) -> None:
         """Notes an iteration; x: where it ended."""

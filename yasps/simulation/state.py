@@ -41,7 +41,7 @@ def state_of(simulation: Simulation) -> dict[str, Float64Array]:
         numbers["accepted"] = contact.accepted
     compiled = simulation.scene.compile()
     numbers["direct_solves_left"] = np.array(float(compiled.direct_solves_left))
-    numbers["two_level_next"] = np.array(float(compiled.two_level_next))
+    numbers["preconditioner_choice"] = compiled.preconditioner_choice.numbers()
     return numbers | {"time": np.array(simulation.time), "frame": np.array(float(simulation.frame))}
 
 
@@ -67,7 +67,7 @@ def set_state(simulation: Simulation, state: Mapping[str, Float64Array]) -> None
         contact.accept(state["accepted"])
     compiled = simulation.scene.compile()
     compiled.direct_solves_left = int(state["direct_solves_left"])
-    compiled.two_level_next = bool(state["two_level_next"])
+    compiled.preconditioner_choice.set_numbers(state["preconditioner_choice"])
 
 
 def save(

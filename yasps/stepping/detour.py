@@ -113,5 +113,5 @@ def _with_springs(
     finally:
         newton.contact.ahead.hide()
     newton.report.detours += 1
-    newton.report.cg_iterations += solution.report.iterations + solution.wasted_iterations
+    newton.report.cg_iterations += solution.report.all_iterations + solution.wasted_iterations
     return solution

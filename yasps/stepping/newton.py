@@ -214,7 +214,7 @@ class Minimization:
         compiled, settings = self.scene.compile(), self.settings
         solution = solve_newton_system(compiled, settings.linear, stages=self.times, fixed=self.fixed)
         solved = solution.report
-        self.report.cg_iterations += solved.iterations + solution.wasted_iterations
+        self.report.cg_iterations += solved.all_iterations + solution.wasted_iterations
         self.report.projected += solution.projected
         self.report.direct_solves += solved.direct
         self.report.two_level_solves += solved.two_level
@@ -239,7 +239,7 @@ class Minimization:
         compiled = self.scene.compile()
         with self.times.stage("linear solver"):
             x, solved = compiled.solve_linear(crushed, self.settings.linear)
-        self.report.cg_iterations += solved.iterations
+        self.report.cg_iterations += solved.all_iterations
         if not solved.converged or not (x * solution.gradient).sum() > OFF_BALANCE * (x * crushed).sum() > 0:
             return None
         motion = Motion(self.scene)

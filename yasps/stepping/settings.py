@@ -72,6 +72,7 @@ class NewtonReport:
 
     iterations: int = 0
     cg_iterations: int = 0
+    """All of them, trials of preconditioner="auto" included."""
     contacts: int = 0
     energy: float = np.nan
     largest_velocity: float = np.inf

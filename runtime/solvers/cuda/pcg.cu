@@ -29,7 +29,7 @@ __device__ __forceinline__ long reason_at(double relative, long iteration, const
     if (!is_finite(relative)) return kNotFinite;
     if (relative <= settings->tolerance) return kConverged;
     if (iteration == settings->max_iterations) return kMaxIterations;
-    return iteration == settings->pause ? kPaused : kRunning;
+    return settings->pause && iteration == 0 ? kPaused : kRunning;
 }
 
 }  // namespace
@@ -141,7 +141,7 @@ extern "C" __global__ void __launch_bounds__(kThreads, 8)
     if (threadIdx.x == 0) partial[blockIdx.x] = sum;
 }
 
-// Conjugate gradients begin anew with the coarse space, after a pause: p = D^-1 r + P y. unknown_of: of each scalar the
+// Conjugate gradients begin with the coarse space, after the pause: p = D^-1 r + P y. unknown_of: of each scalar the
 // coarse unknown that moves it, or -1. coarse_partial: the shares of r^T P y.
 extern "C" __global__ void __launch_bounds__(kThreads, 8)
     yasps_pcg_resume(yasps_pcg_state* state, const double* r, const yasps_run* runs, long run_count,

@@ -77,6 +77,8 @@ class CudaSolver:
             return DeviceArray(device, np.float64, purpose)
 
         self._x = vector("solution of a linear system")
+        self._solution = vector("solution of a linear system, kept in a trial")
+        self._first_x = vector("start of a linear system, kept for a trial")
         self._residuals = vector("residuals of a linear system")
         self._direction = vector("direction of a solver")
         self._preconditioned = vector("preconditioned residual of a solver")
@@ -116,18 +118,44 @@ class CudaSolver:
         if size == 0:
             return self._x.resize(0), SolveReport(StopReason.CONVERGED, 0, 0.0, None, () if options.history else None)
         self._prepare(parts)
+        if options.preconditioner == "auto" and x0 is not None and x0.address == self._x.address:
+            x0 = self._copy_of(self._x, self._first_x)  # a trial starts from there, too
+        solved = False
+
+        def run(two_level: bool, max_iterations: int) -> tuple[DeviceArray, SolveReport]:
+            nonlocal solved
+            kept = self._copy_of(self._x, self._solution) if solved else None  # of a trial only the report counts
+            report = self._solve(parts, g, replace(options, max_iterations=max_iterations), x0, two_level=two_level)
+            if kept is not None:
+                self._copy_of(kept, self._x)
+            solved = report.converged
+            return self._x, report
+
+        return self.choice.solve(options, parts[0], run)
+
+    def _solve(
+        self,
+        parts: Sequence[CudaBlockMatrix],
+        g: DeviceArray,
+        options: SolveOptions,
+        x0: DeviceArray | None,
+        *,
+        two_level: bool,
+    ) -> SolveReport:
+        """Leaves the solution in self._x."""
+        size = parts[0].size
         if options.history:
             self._history.upload(np.full(options.max_iterations + 1, np.nan))
         history = self._history.address if options.history else 0
-        pause = self.choice.coarse_from(options.preconditioner, parts[0])
-        self._settings.upload(np.array([(options.tolerance, options.max_iterations, history, pause)], _SETTINGS))
+        settings = (options.tolerance, options.max_iterations, history, two_level)
+        self._settings.upload(np.array([settings], _SETTINGS))
         self._start(parts, g, x0)
-        state = self._state() if pause == 0 else self._iterate(size, coarse=False)
+        state = self._state() if two_level else self._iterate(size, coarse=False)
         coarse = broke_down = False
         if state["reason"] == _PAUSED:
             coarse = self._coarse.make(parts)
             broke_down = not coarse
-            self._resume(size, int(state["iteration"]), coarse=coarse)
+            self._resume(size, coarse=coarse)
             state = self._iterate(size, coarse=coarse)
         if state["reason"] == StopReason.CONVERGED.value and state["reference"] == 0:
             self._x.clear()  # g = 0, whatever the start
@@ -137,8 +165,13 @@ class CudaSolver:
         report = replace(report, two_level=coarse, coarse_broke_down=broke_down)
         if broke_down:
             LOGGER.warning(COARSE_BROKE_DOWN)
-        self.choice.learn(report)
-        return self._x, report
+        return report
+
+    def _copy_of(self, vector: DeviceArray, other: DeviceArray) -> DeviceArray:
+        """The other vector, with the numbers of the first."""
+        other.resize(*vector.shape)
+        self._device.copy(vector.address, other.address, 8 * vector.size)
+        return other
 
     def multiply(self, parts: Sequence[CudaBlockMatrix], x: DeviceArray, y: DeviceArray) -> None:
         """y = (sum of parts) x; x is float64 [unknowns], y another array, which gets that shape. Raises ValueError."""
@@ -208,21 +241,19 @@ class CudaSolver:
         if x0 is not None:
             self._q.clear()
 
-    def _resume(self, size: int, iteration: int, *, coarse: bool) -> None:
-        """Lets iterations go on after a pause before this one, from here on with the coarse space, if there is one."""
+    def _resume(self, size: int, *, coarse: bool) -> None:
+        """Lets iterations begin after the pause, with the coarse space, if there is one."""
         if not coarse:
             self._device.upload(np.array([_RUNNING]), self._states.address + _REASON)
             return
         residual, space = self._residuals.address, self._coarse
-        if iteration % 2:  # a graph begins with the first of the two
-            self._device.copy(residual + 8 * size, residual, 8 * size)
         self._do(space.launches(residual, 0))
         runs = (self._runs.address, self._runs.shape[0], self._inverse.address)
         arguments = (self._states.address, residual, *runs, size, *space.results, self._direction.address)
         self._do([Launch("yasps_pcg_resume", BLOCK * self._blocks(size), arguments)])
 
     def _iterate(self, size: int, *, coarse: bool) -> np.void:
-        """Runs iterations until the state says that they are over or wait for the coarse space, and returns it."""
+        """Runs iterations until the state says that they are over, and returns it."""
         first = self._iteration(size, 0, coarse=coarse)
         kept = self._graphs.pop(coarse, None)
         if kept is None or kept[0] != first:

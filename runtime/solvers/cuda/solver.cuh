@@ -25,7 +25,7 @@ struct yasps_run {
     long inverse;  // where their inverted diagonal blocks begin; one row after another, `size` doubles each
 };
 
-// Why an iteration waits before it begins: the coarse space comes in.
+// Why the first iteration waits before it begins: for the coarse space.
 constexpr long kPaused = -2;
 
 // A number that the compiler knows.
@@ -50,7 +50,7 @@ struct yasps_pcg_settings {
     double tolerance;
     long max_iterations;
     double* history;  // [max_iterations + 1] or null
-    long pause;       // the iteration before which the coarse space comes in; negative: never
+    long pause;       // whether the first iteration waits for the coarse space
 };
 
 // Where scalar i lies: its dof block is the `size` scalars from `first` on, and `inverse` the row of its inverse.

@@ -5,6 +5,7 @@ from __future__ import annotations
 from mutation import Mutation
 
 FUNCTION = "tests/bridges/test_energy_function.py"
+LAYERS = "tests/bridges/test_trajectory_layers.py"
 
 MUTATIONS = (
     Mutation(
@@ -49,5 +50,20 @@ MUTATIONS = (
         "key = (tuple(targets), tuple(chosen))",
         "key = (tuple(targets), ())",
         (f"{FUNCTION}::test_scipy_finds_the_minimum", f"{FUNCTION}::test_an_energy_that_is_not_registered"),
+    ),
+    Mutation(
+        "a run as a function keeps the parameters of its last call",
+        "yasps/bridges/trajectory_function.py",
+        "                for parameter, array in zip(self.parameters, before, strict=True):\n"
+        "                    self.trajectory.set(parameter, array)\n",
+        "                pass\n",
+        (f"{LAYERS}::test_a_run_as_a_function",),
+    ),
+    Mutation(
+        "slopes of all frames are taken for those of the first",
+        "yasps/bridges/trajectory_function.py",
+        "found.get(output, 0.0) + slope[k]",
+        "found.get(output, 0.0) + slope[0]",
+        (f"{LAYERS}::test_a_run_as_a_function",),
     ),
 )

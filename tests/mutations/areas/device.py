@@ -385,10 +385,10 @@ MUTATIONS = (
         (f"{TWO_LEVEL}::test_other_contacts_and_other_bodies",),
     ),
     Mutation(
-        "two levels: an odd iteration goes on with an old residual",
+        "two levels: a trial overwrites the solution",
         "runtime/solvers/cuda/pcg.py",
-        "if iteration % 2:",
-        "if iteration < 0:",
+        "                self._copy_of(kept, self._x)\n",
+        "                pass\n",
         (f"{TWO_LEVEL}::test_auto_decides_as_on_the_cpu",),
     ),
     Mutation(

@@ -173,9 +173,30 @@ MUTATIONS = (
     Mutation(
         "two levels: auto never comes back to block Jacobi",
         "runtime/solvers/pcg.py",
-        "self.two_level = report.two_level and report.iterations > self.QUICK",
-        "self.two_level = self.two_level or report.two_level",
-        (f"{TWO_LEVEL}::test_auto_takes_it_where_block_jacobi_is_slow",),
+        "before, self.two_level = self.two_level, self.lead > 0",
+        "before, self.two_level = self.two_level, self.two_level or self.lead > 0",
+        (f"{TWO_LEVEL}::test_auto_follows_systems_that_change",),
+    ),
+    Mutation(
+        "two levels: auto compares iterations, whatever they cost",
+        "runtime/solvers/pcg.py",
+        "return self.SETUP + self.ITERATION * report.iterations if report.two_level else float(report.iterations)",
+        "return float(report.iterations)",
+        (f"{TWO_LEVEL}::test_auto_loses_little_to_the_better_one",),
+    ),
+    Mutation(
+        "two levels: auto waits for block Jacobi for ever",
+        "runtime/solvers/pcg.py",
+        "most = min(options.max_iterations, self.PATIENCE) if is_new else options.max_iterations",
+        "most = options.max_iterations",
+        (f"{TWO_LEVEL}::test_auto_does_not_wait_for_block_jacobi_for_ever",),
+    ),
+    Mutation(
+        "two levels: trials of auto stay frequent",
+        "runtime/solvers/pcg.py",
+        "longer = min(max(2 * self.wait, self.SHORTEST_WAIT), self.LONGEST_WAIT)",
+        "longer = self.SHORTEST_WAIT",
+        (f"{TWO_LEVEL}::test_auto_loses_little_to_the_better_one",),
     ),
     Mutation(
         "direct: SuperLU gets the upper triangle only",

@@ -3,16 +3,17 @@
 from __future__ import annotations
 
 import logging
+from dataclasses import dataclass, replace
 
 import numpy as np
 import pytest
 from net_systems import VERTICES, dense_of, nets
 from numpy.typing import NDArray
 
-from yasps.runtime.core.library import DETERMINISTIC_PIECES, Runtime
+from yasps.runtime.core.library import DETERMINISTIC_PIECES, IntArray, LongArray, Runtime
 from yasps.runtime.matrix.block_matrix import BlockMatrix
 from yasps.runtime.solvers.options import SolveOptions
-from yasps.runtime.solvers.pcg import PcgSolver, PreconditionerChoice, StopReason
+from yasps.runtime.solvers.pcg import PcgSolver, PreconditionerChoice, SolveReport, StopReason
 
 
 def prolongation(part: BlockMatrix) -> NDArray[np.float64]:
@@ -145,24 +146,112 @@ def test_more_bodies_than_the_coarse_space_has_room_for(runtime: Runtime) -> Non
     np.testing.assert_allclose(matrix.to_scipy() @ x, g, rtol=1e-9, atol=1e-9)
 
 
-def test_auto_takes_it_where_block_jacobi_is_slow(runtime: Runtime, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_auto_takes_what_was_cheaper_in_a_trial(runtime: Runtime, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(PreconditionerChoice, "FEWEST_BLOCKS", 100)
-    hard, easy = nets(runtime), nets(runtime, stiffness=1e-4)
-    easy[1].values[:] = 0.0
-    g = np.random.default_rng(1).standard_normal(hard[0].size)
+    parts = nets(runtime)
+    g = np.random.default_rng(1).standard_normal(parts[0].size)
+    alone = {
+        name: PcgSolver(runtime).solve(parts, g, SolveOptions(1e-12, history=True, preconditioner=name))
+        for name in ("jacobi", "two-level")
+    }
     solver = PcgSolver(runtime)
     options = SolveOptions(1e-12, history=True, preconditioner="auto")
-    first, second, third, fourth = (solver.solve(parts, g, options)[1] for parts in (hard, hard, easy, easy))
-    assert all(report.converged for report in (first, second, third, fourth))
-    assert first.iterations > PreconditionerChoice.SLOW
-    assert (first.two_level, second.two_level, third.two_level, fourth.two_level) == (True, True, True, False)
-    assert second.iterations < first.iterations
-    alone = solver.solve(hard, g, SolveOptions(1e-12, history=True, preconditioner="jacobi"))[1]
-    assert first.history is not None
-    assert alone.history is not None
-    assert first.history[: PreconditionerChoice.SLOW + 1] == alone.history[: PreconditionerChoice.SLOW + 1]
-    x, _ = solver.solve(hard, g, SolveOptions(1e-26))
-    np.testing.assert_allclose(x, np.linalg.solve(dense_of(hard), g), rtol=1e-9, atol=1e-10)
+    for name, other in (("jacobi", alone["two-level"][1].iterations), ("two-level", 0)):
+        x, report = solver.solve(parts, g, options)
+        np.testing.assert_array_equal(x, alone[name][0])
+        assert report.history == alone[name][1].history
+        assert report.two_level == (name == "two-level")
+        assert report.trial_iterations == other
+        assert report.all_iterations == report.iterations + other
+
+
+class Systems:
+    """Stands in for systems that take so many iterations with block Jacobi and with two levels."""
+
+    def __init__(self, jacobi: int, two_level: int) -> None:
+        self.iterations = {False: jacobi, True: two_level}
+        self.breaks_down = False
+        self.choice = PreconditionerChoice()
+        self.part = BlocksAlone(np.array([0, 3 * PreconditionerChoice.FEWEST_BLOCKS]), np.array([3], np.int32))
+        self.cost = 0.0
+
+    def solve(self, count: int = 1, most: int = 10_000) -> list[SolveReport]:
+        options = SolveOptions(max_iterations=most, preconditioner="auto")
+        return [self.choice.solve(options, self.part, self.run)[1] for _ in range(count)]
+
+    def run(self, two_level: bool, most: int) -> tuple[None, SolveReport]:
+        coarse = two_level and not self.breaks_down
+        needed = self.iterations[coarse]
+        reason = StopReason.CONVERGED if needed <= most else StopReason.MAX_ITERATIONS
+        report = SolveReport(reason, min(needed, most), 0.0, None, None)
+        self.cost += PreconditionerChoice.SETUP if two_level else 0.0
+        self.cost += report.iterations * (PreconditionerChoice.ITERATION if coarse else 1.0)
+        return None, replace(report, two_level=coarse, coarse_broke_down=two_level and not coarse)
+
+
+@dataclass
+class BlocksAlone:
+    boundaries: LongArray
+    block_sizes: IntArray
+
+
+@pytest.mark.parametrize(("jacobi", "two_level", "better"), [(100, 60, True), (100, 85, False), (41, 38, False)])
+def test_auto_loses_little_to_the_better_one(jacobi: int, two_level: int, better: bool) -> None:
+    systems = Systems(jacobi, two_level)
+    reports = systems.solve(400)
+    assert [report.two_level for report in reports[1:]] == [better] * 399
+    costs = float(jacobi), PreconditionerChoice.SETUP + PreconditionerChoice.ITERATION * two_level
+    cheaper, dearer = min(costs), max(costs)
+    assert cheaper * 400 < systems.cost <= 1.05 * cheaper * 400 + dearer
+
+
+def test_auto_does_not_wait_for_block_jacobi_for_ever() -> None:
+    systems = Systems(2400, 970)
+    first, second = systems.solve(2)
+    assert first.converged
+    assert first.two_level
+    assert (first.iterations, first.trial_iterations) == (970, PreconditionerChoice.PATIENCE)
+    assert (second.iterations, second.trial_iterations, second.two_level) == (970, 0, True)
+    systems = Systems(2400, 5000)
+    assert [report.two_level for report in systems.solve(11)[-2:]] == [True, False]  # found out in the first trial
+
+
+def test_auto_follows_systems_that_change() -> None:
+    systems = Systems(100, 60)
+    assert systems.solve(100)[-1].two_level
+    systems.iterations = {False: 20, True: 15}
+    wait = systems.choice.wait
+    assert wait == PreconditionerChoice.LONGEST_WAIT
+    assert not systems.solve(3 * wait)[-1].two_level
+    assert not any(report.trial_iterations for report in systems.solve(200))  # too easy to be worth one
+    systems.iterations = {False: 1000, True: 2000}
+    (report,) = systems.solve()
+    assert report.trial_iterations == int((1250 - PreconditionerChoice.SETUP) / PreconditionerChoice.ITERATION)
+    assert not systems.choice.two_level
+
+
+def test_auto_gives_up_a_coarse_space_that_breaks_down() -> None:
+    systems = Systems(100, 60)
+    assert systems.solve(2)[-1].two_level
+    systems.breaks_down = True
+    assert not systems.solve(30)[-1].coarse_broke_down
+
+
+def test_auto_tries_nothing_after_a_failure() -> None:
+    systems = Systems(100, 60)
+    (report,) = systems.solve(most=50)
+    assert report.reason is StopReason.MAX_ITERATIONS
+    assert report.trial_iterations == 0
+    (report,) = systems.solve(most=100)
+    assert report.trial_iterations == 60
+
+
+def test_what_auto_has_learned_goes_on_elsewhere() -> None:
+    systems, other = Systems(100, 60), Systems(100, 60)
+    systems.solve(20)
+    other.choice.set_numbers(systems.choice.numbers())
+    assert other.choice == systems.choice
+    assert other.solve(30) == systems.solve(30)
 
 
 def test_auto_leaves_small_systems_alone(runtime: Runtime) -> None:

@@ -122,24 +122,42 @@ def test_both_graphs_are_kept(maker: Maker) -> None:
 
 
 def test_auto_decides_as_on_the_cpu(maker: Maker, monkeypatch: pytest.MonkeyPatch) -> None:
-    """In the middle of a solve, before an odd iteration, and for the next systems."""
-    monkeypatch.setattr(PreconditionerChoice, "FEWEST_BLOCKS", 10)
-    monkeypatch.setattr(PreconditionerChoice, "SLOW", 7)
-    monkeypatch.setattr(PreconditionerChoice, "QUICK", 8)
+    """What a trial finds, while the solution of the first solve stays, also from a start that lies in its place."""
+    for name, value in (("FEWEST_BLOCKS", 10), ("SLOW", 7), ("SETUP", 0.0), ("SHORTEST_WAIT", 0)):
+        monkeypatch.setattr(PreconditionerChoice, name, value)
     hard, easy = net_system(maker), net_system(maker, stiffness=1e-4)
     easy.cpu[1].values[:] = 0.0
     easy.send_values()
     options = SolveOptions(1e-12, history=True, preconditioner="auto")
     twins = PcgSolver(maker.runtime), maker.solver()
-    found = []
-    for system in (hard, hard, easy, easy):
-        g = right_side(system)
-        expected, cpu = twins[0].solve(system.cpu, g, options)
-        x, report = twins[1].solve(system.parts, system.vector(g), options)
+    found: list[bool] = []
+    expected, x = None, None
+    for number, system in enumerate((hard, hard, easy, easy)):
+        g = np.roll(right_side(system), number)
+        starts = (expected, x) if number == 1 else (None, None)
+        expected, cpu = twins[0].solve(system.cpu, g, options, starts[0])
+        x, report = twins[1].solve(system.parts, system.vector(g), options, starts[1])
         np.testing.assert_allclose(x.download(), expected, rtol=0, atol=1e-9 * np.abs(expected).max())
         assert (report.iterations, report.two_level) == (cpu.iterations, cpu.two_level)
+        assert report.trial_iterations == cpu.trial_iterations
+        assert report.trial_iterations > 0 or number > 1
         found.append(report.two_level)
-    assert found == [True, True, True, False]
+    assert found[:2] == [False, True]
+
+
+def test_auto_loses_its_patience_as_on_the_cpu(maker: Maker, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The solution is that of the second solve then."""
+    for name, value in (("FEWEST_BLOCKS", 10), ("PATIENCE", 5)):
+        monkeypatch.setattr(PreconditionerChoice, name, value)
+    system = net_system(maker)
+    g = right_side(system)
+    options = SolveOptions(1e-12, preconditioner="auto")
+    expected, cpu = PcgSolver(maker.runtime).solve(system.cpu, g, options)
+    x, report = maker.solver().solve(system.parts, system.vector(g), options)
+    np.testing.assert_allclose(x.download(), expected, rtol=0, atol=1e-9 * np.abs(expected).max())
+    assert report.two_level
+    assert report.trial_iterations == cpu.trial_iterations == 5
+    assert report.iterations == cpu.iterations
 
 
 def test_other_contacts_and_other_bodies(maker: Maker) -> None:
