@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 from rich.console import Console
 
-from yasps import Attribute, DataError, FloatArray, SceneError, YaspsError
+from yasps import DataError, FloatArray, SceneError, YaspsError
 from yasps.frontend.language.arrays import checked_count, positive_number, real_numbers
 from yasps.inverse.checks import checked_objectives, checked_parameters
 from yasps.inverse.gradients import Gradient, gradient_of
@@ -93,8 +93,8 @@ def fit(
     parameters: object,
     *,
     method: str = "L-BFGS-B",
-    bounds: Mapping[Parameter | Attribute, tuple[ArrayLike, ArrayLike]] | None = None,
-    transforms: Mapping[Parameter | Attribute, Transform] | None = None,
+    bounds: Mapping[Any, tuple[ArrayLike, ArrayLike]] | None = None,
+    transforms: Mapping[Any, Transform] | None = None,
     max_iterations: int = 100,
     options: Mapping[str, Any] | None = None,
     file: str | Path | None = None,
@@ -261,7 +261,7 @@ class _Search:
         self.at(x)
         slopes = self._slopes(x)
         parts = self._split(slopes * direction)
-        along: dict[Parameter | Attribute, ArrayLike] = dict(zip(self.parameters, parts, strict=True))
+        along = dict(zip(self.parameters, parts, strict=True))
         found = gauss_newton_product(self.trajectory, objectives, along)
         return np.asarray(slopes * np.concatenate([found[one.name].reshape(-1) for one in self.parameters]))
 

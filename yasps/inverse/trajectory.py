@@ -6,7 +6,7 @@ import hashlib
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from math import ceil, sqrt
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -15,7 +15,7 @@ from yasps import Attribute, FloatArray, SceneError, UnsupportedSceneError
 from yasps.bodies import Body, MovingObstacle
 from yasps.frontend.language.arrays import checked_count
 from yasps.inverse.objectives import Frames, FrameView, Squares
-from yasps.inverse.parameters import Parameter, PerStep
+from yasps.inverse.parameters import PerStep
 from yasps.simulation import Simulation
 from yasps.simulation.fingerprint import own_numbers
 from yasps.simulation.state import PAST, set_state, state_of
@@ -383,7 +383,7 @@ class Trajectory:
         return sensitivities_of(self, attribute, parameters, frames)
 
     def gauss_newton_product(
-        self, squares: Squares | Sequence[Squares], direction: Mapping[Parameter | Attribute, ArrayLike]
+        self, squares: Squares | Sequence[Squares], direction: Mapping[Any, ArrayLike]
     ) -> dict[str, FloatArray]:
         """See `gauss_newton_product` of yasps.inverse."""
         from yasps.inverse.sensitivities import gauss_newton_product
