@@ -64,6 +64,8 @@ def _checked_attribute(trajectory: Trajectory, attribute: Attribute) -> Paramete
         raise SceneError(
             f"{attribute.path} is computed; gradients are by stored attributes. It is computed from {names}"
         )
+    if attribute is trajectory.simulation.time_step:
+        raise SceneError("gradients by the time step are not built: it is no number that only energies read")
     if attribute in trajectory.set_in_steps():
         raise SceneError(
             f"{attribute.path} is set in every step and is no parameter; motions of obstacles and pins are"

@@ -57,6 +57,13 @@ MUTATIONS = (
         SLIDES,
     ),
     Mutation(
+        "trajectory: after a gradient friction is lagged as in the first step",
+        TRAJECTORY,
+        "            stepper.load(self._end_of_stepper)\n",
+        "            pass\n",
+        SLIDES,
+    ),
+    Mutation(
         "trajectory: another number of the scene is no reason for another run",
         TRAJECTORY,
         "if self._digest_now() != self._digest:",
