@@ -34,7 +34,7 @@ SCENES: dict[str, list[str]] = {
     "rods_twist": ["--size", "1", "--frames", "70"],
     "shape_of_rest": ["--size", "3", "--frames", "30"],
     "slide_to_stop": ["--frames", "20", "--dt", "0.02"],
-    "throw": ["--size", "26", "--frames", "26"],
+    "throw": ["--size", "15", "--frames", "15", "--dt", "0.04"],
     "turntable": ["--size", "2", "--frames", "25"],
     "two_bunnies": ["--size", "1500", "--frames", "2", "--friction", "0"],
 }
