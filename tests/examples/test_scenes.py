@@ -21,6 +21,7 @@ SCENES: dict[str, list[str]] = {
     "cloths_on_bunny": ["--size", "8", "--frames", "14", "--dt", "0.04"],
     "dominoes": ["--size", "3", "--frames", "90"],
     "erleben": ["--frames", "10"],
+    "fit_material": ["--size", "4", "--frames", "10"],
     "gripper": ["--size", "100", "--frames", "100"],
     "lever": ["--size", "4", "--frames", "20"],
     "many_bunnies_on_cloth": ["--size", "8", "--frames", "13", "--dt", "0.04", "--bunnies", "2"],
@@ -31,10 +32,16 @@ SCENES: dict[str, list[str]] = {
     "refined_cloth": ["--size", "5", "--frames", "20", "--finest", "0.03"],
     "repulsive_curve": ["--size", "100", "--frames", "5"],
     "rods_twist": ["--size", "1", "--frames", "70"],
+    "shape_of_rest": ["--size", "3", "--frames", "30"],
+    "slide_to_stop": ["--frames", "20", "--dt", "0.02"],
+    "throw": ["--size", "26", "--frames", "26"],
     "turntable": ["--size", "2", "--frames", "25"],
     "two_bunnies": ["--size", "1500", "--frames", "2", "--friction", "0"],
 }
 """Name -> flags of a run of a few seconds that passes its check."""
+
+SLOW: dict[str, list[str]] = {"gripper_control": []}
+"""The same of runs that take longer."""
 
 BY_HAND: dict[str, list[str]] = {
     "caged_bunny_by_hand": [*SCENES["caged_bunny"], "--element", "hex8"],
@@ -54,7 +61,7 @@ def run(name: str, flags: list[str]) -> int:
 
 
 def test_every_example_is_here() -> None:
-    assert {*SCENES, *BY_HAND, *WITHOUT_STEPS} == set(find_examples())
+    assert {*SCENES, *SLOW, *BY_HAND, *WITHOUT_STEPS} == set(find_examples())
 
 
 @pytest.mark.parametrize("name", SCENES)
@@ -66,6 +73,12 @@ def test_a_scene_runs_and_passes_its_check(name: str, tmp_path: Path, capsys: py
     assert numbers["newton_iterations"] >= 1
     assert numbers["end"] in capsys.readouterr().out
     assert (tmp_path / f"{name}.vtkhdf").is_file()
+
+
+@pytest.mark.nightly
+@pytest.mark.parametrize("name", SLOW)
+def test_a_slow_scene_passes_its_check(name: str, tmp_path: Path) -> None:
+    assert run(name, [*SLOW[name], "--headless", "--output", str(tmp_path)]) == 0
 
 
 @pytest.mark.parametrize("name", BY_HAND)

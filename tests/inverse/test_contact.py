@@ -53,6 +53,13 @@ def test_a_cube_that_lands_and_slides() -> None:
     assert along(found, directions) == pytest.approx(wanted, rel=1e-7)
     assert max(report.contacts for report in trajectory.reports) == 2
     assert abs(found[friction].sum()) > 1e-3  # it slides
+    trajectory.run()
+    forces, term = simulation.contact_forces().on_vertices("both"), simulation.forces_by_term()
+    trajectory.gradient(miss, friction)  # afterwards all is as at the end of the run
+    np.testing.assert_array_equal(simulation.contact_forces().on_vertices("both"), forces)
+    for path, of_targets in simulation.forces_by_term().items():
+        for target, force in of_targets.items():
+            np.testing.assert_array_equal(force, term[path][target])
     assert found.warnings == []
     assert matrix not in found
     forwards = trajectory.sensitivities(cube.position, parameters)[0]

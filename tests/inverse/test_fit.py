@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 from typing import Any
 
@@ -58,6 +59,7 @@ def test_bounds_hold() -> None:
     found = fit(trajectory, away, body.stiffness, bounds={body.stiffness: (1.0, 2.5)}, progress=False)
     assert found[body.stiffness] == pytest.approx(2.5)
     assert found.converged
+    assert re.match(r"<Fit: \S+ after \d+ iterations, \d+ runs; converged", repr(found))
     assert trajectory.value(body.stiffness) == found[body.stiffness]
 
 
@@ -70,6 +72,18 @@ def test_refusals(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
         fit(trajectory, away, k, method="BFGS", bounds={k: (1.0, 2.0)})
     with pytest.raises(SceneError, match="bounds are of parameters of the fit"):
         fit(trajectory, away, k, bounds={body.mass: (1.0, 2.0)})
+    for wrong, words in (
+        ({"bounds": 3}, "bounds are a dictionary"),
+        ({"transforms": 3}, "transforms are a dictionary"),
+        ({"bounds": {k: 3}}, "bounds are a pair"),
+        ({"transforms": {k: "log"}}, "a transform is LOG"),
+    ):
+        with pytest.raises(SceneError, match=words):
+            fit(trajectory, away, k, **wrong)  # type: ignore[arg-type]
+    with pytest.raises(SceneError, match="a list of attributes"):
+        fit(trajectory, away, {k: (0.0, 1.0)})
+    with pytest.raises(SceneError, match="a Trajectory"):
+        fit(3, away, k)  # type: ignore[arg-type]
     with pytest.raises(DataError, match="in this order"):
         fit(trajectory, away, k, bounds={k: (2.0, 1.0)})
     with pytest.raises(SceneError, match="not of"):

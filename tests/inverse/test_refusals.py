@@ -40,7 +40,7 @@ def test_parameters_and_objectives() -> None:
             trajectory.gradient(miss, miss)
         ),
         "predicted is set in every step": lambda: trajectory.gradient(miss, body.vertices["predicted"]),
-        "time_step is set in every step": lambda: trajectory.gradient(miss, simulation.time_step),
+        "by the time step are not built": lambda: trajectory.gradient(miss, simulation.time_step),
         "stiffness is named twice": lambda: trajectory.gradient(miss, [body.stiffness, body.stiffness]),
         "is in two of the parameters": lambda: trajectory.gradient(
             miss, [body.mass, Tied(body.mass, body.vertices["hook"])]
@@ -113,6 +113,8 @@ def test_simulations() -> None:
         Trajectory(body, 2)  # type: ignore[arg-type]
     with pytest.raises(SceneError, match="values for 3 steps, but the run has 2"):
         Trajectory(simulation, 2, schedules=[PerStep(body.stiffness, [1.0, 2.0, 3.0])])
+    with pytest.raises(SceneError, match="moves vertices by itself"):
+        Trajectory(simulation, 2, schedules=[PerStep(body.position, np.zeros((2, 9)))])
     simulation.add_force(body, lambda x, v, t: -v, "drag")
     with pytest.raises(SceneError, match="functions of positions and velocities"):
         Trajectory(simulation, 2)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import TYPE_CHECKING
 
 from yasps import Attribute, SceneError
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 def checked_parameters(trajectory: Trajectory, given: object) -> list[Parameter]:
     """Parameters, attributes as what they stand for. Raises SceneError for what can't be one, or twice."""
     listed = [given] if isinstance(given, Attribute | Parameter) else given
-    if not isinstance(listed, Iterable) or isinstance(listed, str):
+    if not isinstance(listed, Iterable) or isinstance(listed, str | Mapping):
         raise SceneError(f"parameters are a list of attributes and of parameters of yasps.inverse, got {given!r}")
     chosen = [_checked(trajectory, one) for one in listed]
     if not chosen:
@@ -64,6 +64,8 @@ def _checked_attribute(trajectory: Trajectory, attribute: Attribute) -> Paramete
         raise SceneError(
             f"{attribute.path} is computed; gradients are by stored attributes. It is computed from {names}"
         )
+    if attribute is trajectory.simulation.time_step:
+        raise SceneError("gradients by the time step are not built: it is no number that only energies read")
     if attribute in trajectory.set_in_steps():
         raise SceneError(
             f"{attribute.path} is set in every step and is no parameter; motions of obstacles and pins are"

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 from rich.console import Console
 
-from yasps import Attribute, DataError, FloatArray, SceneError, YaspsError
+from yasps import DataError, FloatArray, SceneError, YaspsError
 from yasps.frontend.language.arrays import checked_count, positive_number, real_numbers
 from yasps.inverse.checks import checked_objectives, checked_parameters
 from yasps.inverse.gradients import Gradient, gradient_of
@@ -61,7 +61,7 @@ class Iteration:
     """Of the trajectory so far."""
 
 
-@dataclass
+@dataclass(repr=False)
 class Fit:
     """What a fit has come to: the objective, and the values of the parameters by name."""
 
@@ -73,6 +73,11 @@ class Fit:
     history: list[Iteration] = field(default_factory=list)
     warnings: list[str] = field(default_factory=list)
     """Of the gradient at the end."""
+
+    def __repr__(self) -> str:
+        runs = self.history[-1].runs if self.history else 0
+        end = "converged" if self.converged else "not converged"
+        return f"<Fit: {self.value:.6g} after {len(self.history)} iterations, {runs} runs; {end}: {self.reason}>"
 
     def __getitem__(self, parameter: object) -> FloatArray:
         """By a parameter, or its name. Raises SceneError."""
@@ -88,8 +93,8 @@ def fit(
     parameters: object,
     *,
     method: str = "L-BFGS-B",
-    bounds: Mapping[Parameter | Attribute, tuple[ArrayLike, ArrayLike]] | None = None,
-    transforms: Mapping[Parameter | Attribute, Transform] | None = None,
+    bounds: Mapping[Any, tuple[ArrayLike, ArrayLike]] | None = None,
+    transforms: Mapping[Any, Transform] | None = None,
     max_iterations: int = 100,
     options: Mapping[str, Any] | None = None,
     file: str | Path | None = None,
@@ -110,6 +115,8 @@ def fit(
     """
     from scipy import optimize
 
+    if not isinstance(trajectory, Trajectory):
+        raise SceneError(f"what is fitted is a Trajectory, got {trajectory!r}")
     if method not in METHODS:
         raise SceneError(f"method is one of {', '.join(METHODS)}, got {method!r}")
     chosen, objectives = checked_parameters(trajectory, parameters), checked_objectives(trajectory, objective)
@@ -147,11 +154,17 @@ def fit(
 
 def _by_name(chosen: list[Parameter], given: Mapping[Any, Any] | None, what: str) -> dict[str, Any]:
     """By the names of parameters. Raises SceneError for others."""
+    if given is not None and not isinstance(given, Mapping):
+        raise SceneError(f"{what} are a dictionary, parameter -> what is for it, got {given!r}")
     known, found = {one.name for one in chosen}, {}
     for parameter, value in (given or {}).items():
         names = known.intersection(names_of(parameter))
         if not names:
             raise SceneError(f"{what} are of parameters of the fit, {', '.join(known)}, got {parameter!r}")
+        if what == "transforms" and not isinstance(value, Transform):
+            raise SceneError(f"a transform is LOG, scaled(unit) or a Transform, got {value!r}")
+        if what == "bounds" and (isinstance(value, str) or not isinstance(value, Sequence) or len(value) != 2):
+            raise SceneError(f"bounds are a pair, the lowest and the highest number, got {value!r}")
         found[names.pop()] = value
     return found
 
@@ -248,7 +261,7 @@ class _Search:
         self.at(x)
         slopes = self._slopes(x)
         parts = self._split(slopes * direction)
-        along: dict[Parameter | Attribute, ArrayLike] = dict(zip(self.parameters, parts, strict=True))
+        along = dict(zip(self.parameters, parts, strict=True))
         found = gauss_newton_product(self.trajectory, objectives, along)
         return np.asarray(slopes * np.concatenate([found[one.name].reshape(-1) for one in self.parameters]))
 

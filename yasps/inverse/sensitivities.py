@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -49,7 +50,7 @@ def sensitivities_of(
 
 
 def gauss_newton_product(
-    trajectory: Trajectory, squares: Squares | Sequence[Squares], direction: Mapping[Parameter | Attribute, ArrayLike]
+    trajectory: Trajectory, squares: Squares | Sequence[Squares], direction: Mapping[Any, ArrayLike]
 ) -> dict[str, FloatArray]:
     """J^T W J d for squares of residuals r, with J = dr/dp, their weights W and a direction d, parameter -> numbers.
 

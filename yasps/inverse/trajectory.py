@@ -6,7 +6,7 @@ import hashlib
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from math import ceil, sqrt
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -15,11 +15,12 @@ from yasps import Attribute, FloatArray, SceneError, UnsupportedSceneError
 from yasps.bodies import Body, MovingObstacle
 from yasps.frontend.language.arrays import checked_count
 from yasps.inverse.objectives import Frames, FrameView, Squares
-from yasps.inverse.parameters import Parameter, PerStep
+from yasps.inverse.parameters import PerStep
 from yasps.simulation import Simulation
 from yasps.simulation.fingerprint import own_numbers
 from yasps.simulation.state import PAST, set_state, state_of
 from yasps.stepping import BACKWARD_EULER, Driven, DrivenSurface, DrivenVertices, NewtonReport, NewtonSettings
+from yasps.stepping.time_stepper import StepperState
 
 if TYPE_CHECKING:
     from yasps.inverse.gradients import Gradient
@@ -98,6 +99,8 @@ class Trajectory:
         self._frames: dict[int, Frame] = {}
         self._checkpoints: dict[int, dict[str, FloatArray]] = {}
         self._end: dict[str, FloatArray] = {}
+        self._end_of_stepper: StepperState | None = None
+        self._predicted: list[FloatArray] = []
         self._digest = ""
 
     # -- what there is -------------------------------------------------------------------------------------
@@ -182,6 +185,13 @@ class Trajectory:
         for schedule in self.schedules:
             if not isinstance(schedule, PerStep):
                 raise SceneError(f"schedules are a list of PerStep, got {schedule!r}")
+            moved = [part.position for part in simulation.stepper.parts]
+            moved += [one.attribute for one in simulation.stepper.carried]
+            if any(schedule.attribute in attribute.inputs for attribute in moved):
+                raise SceneError(
+                    f"{schedule.attribute.path} moves vertices by itself, between the end of a step and the"
+                    " beginning of the next: PerStep is for what energies read; motions are those of obstacles and pins"
+                )
             if len(schedule.values) != self.steps:
                 raise SceneError(
                     f"{schedule.name} has values for {len(schedule.values)} steps, but the run has {self.steps}"
@@ -197,10 +207,7 @@ class Trajectory:
         """
         self._check()
         self.taken, self._frames, self._checkpoints = [], {}, {}
-        set_state(self.simulation, self.start)
-        if self.simulation.contact is not None:  # another start is no way that anything went
-            self.simulation.contact.accept(self.simulation.contact.positions())
-        self.set_schedules(0)
+        self.restart()
         digest = self._digest_now()
         spacing = self.steps if self.keep == "all" else ceil(sqrt(self.steps))
         self._note(0)
@@ -210,6 +217,8 @@ class Trajectory:
             self.taken.append(self._step(step))
             self._note(step + 1)
         self._end = {name: np.array(x) for name, x in state_of(self.simulation).items()}
+        stepper = self.simulation.stepper
+        self._end_of_stepper, self._predicted = stepper.save(), [part.predicted.value for part in stepper.parts]
         self._digest = digest
         return self.reports
 
@@ -340,9 +349,22 @@ class Trajectory:
         return found
 
     def rewind(self) -> None:
-        """Puts the simulation back to the end of the last run."""
+        """Puts the simulation back to the end of the last run, with what its last step was taken from: forces that are
+        read there are those of the run."""
         self.set_schedules(self.steps - 1)
         set_state(self.simulation, self._end)
+        stepper = self.simulation.stepper
+        if self._end_of_stepper is not None:
+            stepper.load(self._end_of_stepper)
+        for part, value in zip(stepper.parts, self._predicted, strict=True):
+            part.predicted.update_value(value)
+
+    def restart(self) -> None:
+        """Puts the simulation at the start, as `run` does."""
+        set_state(self.simulation, self.start)
+        if self.simulation.contact is not None:  # another start is no way that anything went
+            self.simulation.contact.accept(self.simulation.contact.positions())
+        self.set_schedules(0)
 
     def view(self, at: int, frame: Frame) -> FrameView:
         """A frame that the scene is at, for objectives."""
@@ -379,7 +401,7 @@ class Trajectory:
         return sensitivities_of(self, attribute, parameters, frames)
 
     def gauss_newton_product(
-        self, squares: Squares | Sequence[Squares], direction: Mapping[Parameter | Attribute, ArrayLike]
+        self, squares: Squares | Sequence[Squares], direction: Mapping[Any, ArrayLike]
     ) -> dict[str, FloatArray]:
         """See `gauss_newton_product` of yasps.inverse."""
         from yasps.inverse.sensitivities import gauss_newton_product

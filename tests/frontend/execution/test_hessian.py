@@ -83,3 +83,31 @@ def test_refuses_wrong_arguments() -> None:
         scene.mixed_hessian(x, x)
     with pytest.raises(SceneError, match="at least one"):
         scene.mixed_hessian(x, [])
+
+
+def test_jacobian_against_differences() -> None:
+    """Of an attribute of a matrix' shape, by variables of which one is not read and one is the attribute itself."""
+    scene = springs()
+    x, stiffness, length = scene.mesh.points["x"], scene.mesh.links["stiffness"], scene.mesh["length"]
+    first, second = scene.mesh.links["both"]
+    way = scene.mesh.links.add_attribute(
+        "way", computed_attribute=stiffness * (second - first) / (second - first).norm()
+    )
+    assert set(way.inputs) == {x, stiffness}
+    found = scene.jacobian(way, [length, stiffness, x]).toarray()
+    assert found.shape == (way.value.size, 1 + 2 + 9)
+    assert not found[:, 0].any()
+    for column, (attribute, number) in enumerate([(stiffness, 0), (stiffness, 1), *((x, k) for k in range(9))], 1):
+        start, sides = attribute.value, []
+        for sign in (1, -1):
+            moved = start.copy()
+            moved[number] += sign * 1e-6
+            attribute.update_value(moved)
+            sides.append(way.value)
+        attribute.update_value(start)
+        np.testing.assert_allclose(found[:, column], (sides[0] - sides[1]) / 2e-6, atol=1e-7)
+    np.testing.assert_array_equal(scene.jacobian(x, x).toarray(), np.eye(9))
+    with pytest.raises(SceneError, match="at least one"):
+        scene.jacobian(way, [])
+    with pytest.raises(SceneError, match="computed"):
+        scene.jacobian(x, way)
