@@ -92,6 +92,8 @@ def test_projection_on_demand(projection: str) -> None:
         return minimize(scene, [x], 1.0, settings=settings), x.value
 
     (wanted_report, wanted), (report, found) = ends("cpu"), ends(HostDevice())
-    assert 0 < wanted_report.projected < wanted_report.iterations
+    assert wanted_report.projected > 0
+    if projection == "on-demand":  # "auto" does not try again: no step is longer than 1
+        assert wanted_report.projected < wanted_report.iterations
     assert (report.iterations, report.projected) == (wanted_report.iterations, wanted_report.projected)
     np.testing.assert_allclose(found, wanted, rtol=0, atol=1e-8)
