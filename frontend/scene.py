@@ -361,10 +361,11 @@ class Scene(SceneNames, Entity):
         """As `minimize_energy`, with gradient and solver's report, and without raising when it did not converge.
 
         solver: "pcg", conjugate gradients; "direct", a sparse factorisation, for systems that these take thousands of
-        iterations for; "auto", the one that did better (see `LinearSolver`). projection: "always", or "on-demand",
-        which removes negative eigenvalues only if the exact Hessian turns out not to be positive definite (see
-        `solve_newton_system`). history: keep the residual of every iteration of conjugate gradients in the report.
-        preconditioner: of conjugate gradients, "jacobi", "two-level" or "auto" (see `PcgSolver`).
+        iterations for; "auto", the one that did better (see `LinearSolver`). projection: "always"; "on-demand", which
+        removes negative eigenvalues only if the exact Hessian turns out not to be positive definite; "auto", the same,
+        but always for energies whose instances change (see `solve_newton_system`). history: keep the residual of every
+        iteration of conjugate gradients in the report. preconditioner: of conjugate gradients, "jacobi", "two-level" or
+        "auto" (see `PcgSolver`).
         fixed: target -> which of its instances stay as they are, bool [instances]: gradient and x are 0 there, and the
         system is that of the others. Nothing is compiled for it. Raises SceneError for what is no target, DataError.
         """

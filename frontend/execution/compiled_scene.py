@@ -7,7 +7,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal, TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -36,6 +36,9 @@ from yasps.runtime.solvers.options import SolveOptions
 from yasps.runtime.solvers.pcg import PreconditionerChoice, SolveReport
 
 MODES = {"clamp": Projection.CLAMP, "abs": Projection.ABS, "none": Projection.NONE}
+
+ToProject: TypeAlias = bool | Literal["dynamic"]
+"""Whether negative eigenvalues are removed: of all energies, of none, or only of those whose instances change."""
 
 
 @dataclass(frozen=True)
@@ -86,9 +89,10 @@ class Term:
         """Of all its local Hessians: pairs of places."""
         return self.count * (self.capacity * (self.capacity + 1) // 2)
 
-    def mode_for(self, project: bool) -> Projection:
+    def mode_for(self, project: ToProject) -> Projection:
         """What becomes of negative eigenvalues, if they are to be removed at all."""
-        return self.mode if project else Projection.NONE
+        wanted = self.dynamic if project == "dynamic" else project
+        return self.mode if wanted else Projection.NONE
 
 
 class _Reads:
@@ -183,7 +187,7 @@ class CompiledScene(InScene, ABC):
 
     @abstractmethod
     def _derive(
-        self, terms: Sequence[Term], *, hessian: bool, project: bool
+        self, terms: Sequence[Term], *, hessian: bool, project: ToProject
     ) -> tuple[FloatArray, Sequence[int | None]]:
         """Gradient of all targets and, with `hessian`, the Hessian, which stays inside; of each term the first
         instance, if any, whose derivatives are not finite."""
@@ -399,12 +403,12 @@ class CompiledScene(InScene, ABC):
 
     @one_thread_at_a_time
     def assemble(
-        self, *, hessian: bool = True, project: bool = True, fixed: NDArray[np.bool_] | None = None
+        self, *, hessian: bool = True, project: ToProject = True, fixed: NDArray[np.bool_] | None = None
     ) -> FloatArray:
         """Gradient of all targets, end to end; with `hessian` also the Hessian, which stays inside, else that is left
-        as it is. project: remove negative eigenvalues as the energies were registered. fixed: unknowns that stay as
-        they are, [unknowns], whole instances of targets: their gradient is 0, and so are their rows and columns of the
-        Hessian, but for ones on the diagonal.
+        as it is. project: remove negative eigenvalues as the energies were registered; "dynamic": only of those
+        whose instances change. fixed: unknowns that stay as they are, [unknowns], whole instances of targets: their
+        gradient is 0, and so are their rows and columns of the Hessian, but for ones on the diagonal.
 
         Raises NotFiniteError that names the energy and the instance.
         """
@@ -423,7 +427,7 @@ class CompiledScene(InScene, ABC):
         terms = self._derived_terms()
         return {term.symbol: self._gradient_of([term], hessian=False, project=False) for term in terms}
 
-    def _gradient_of(self, terms: Sequence[Term], *, hessian: bool, project: bool) -> FloatArray:
+    def _gradient_of(self, terms: Sequence[Term], *, hessian: bool, project: ToProject) -> FloatArray:
         gradient, first_bad = self._derive(terms, hessian=hessian, project=project)
         for term, instance in zip(terms, first_bad, strict=True):
             if instance is not None:

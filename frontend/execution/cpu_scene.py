@@ -13,7 +13,7 @@ from yasps.backend.codegen.object_text import Binding
 from yasps.backend.codegen.program import CompiledModule, Program
 from yasps.backend.codegen.scene_view import SceneView
 from yasps.backend.cpp.object import CppEmitter
-from yasps.frontend.execution.compiled_scene import CompiledScene, Term
+from yasps.frontend.execution.compiled_scene import CompiledScene, Term, ToProject
 from yasps.frontend.execution.instance_order import OrderedReads, OwnReads, grouped, own_reads, rows_of
 from yasps.frontend.execution.scene_source import CompileRequest
 from yasps.frontend.language.nodes import FloatArray
@@ -155,7 +155,7 @@ class CpuScene(CompiledScene):
         return None if reads is None else OrderedReads(self.program, term.derivative, order, *reads)
 
     def _derive(
-        self, terms: Sequence[Term], *, hessian: bool, project: bool
+        self, terms: Sequence[Term], *, hessian: bool, project: ToProject
     ) -> tuple[FloatArray, Sequence[int | None]]:
         gradient = np.zeros(self.static_matrix.size)
         calls, placements = [], [self.placements[term.symbol] for term in terms]

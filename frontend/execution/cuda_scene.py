@@ -21,7 +21,7 @@ from yasps.backend.codegen.scene_view import SceneView
 from yasps.backend.cuda.object import CudaEmitter
 from yasps.backend.cuda.program import NONE_BAD, CudaProgram, DerivativeLaunch
 from yasps.frontend.errors import ConnectivityError, DataError, UnsupportedSceneError
-from yasps.frontend.execution.compiled_scene import CompiledScene, Term
+from yasps.frontend.execution.compiled_scene import CompiledScene, Term, ToProject
 from yasps.frontend.execution.device_report import CUDA_KEY
 from yasps.frontend.execution.scene_source import CompileRequest
 from yasps.frontend.language.nodes import FloatArray, Stored
@@ -215,7 +215,7 @@ class CudaScene(CompiledScene):
         return placement
 
     def _derive(
-        self, terms: Sequence[Term], *, hessian: bool, project: bool
+        self, terms: Sequence[Term], *, hessian: bool, project: ToProject
     ) -> tuple[FloatArray, Sequence[int | None]]:
         self._outcomes.upload(np.array([[NONE_BAD, 0]] * len(terms), np.uint64).reshape(-1, 2))
         self.launch_assembly(hessian=hessian, project=project, terms=terms)
@@ -224,7 +224,7 @@ class CudaScene(CompiledScene):
 
     @one_thread_at_a_time
     def launch_assembly(
-        self, *, hessian: bool = True, project: bool = True, terms: Sequence[Term] | None = None
+        self, *, hessian: bool = True, project: ToProject = True, terms: Sequence[Term] | None = None
     ) -> None:
         """What `assemble` does on the device alone, after it was called once: nothing is copied, nobody waits.
         terms: only these energies."""

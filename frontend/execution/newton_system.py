@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from yasps.frontend.errors import DataError
-from yasps.frontend.execution.compiled_scene import CompiledScene
+from yasps.frontend.execution.compiled_scene import CompiledScene, ToProject
 from yasps.frontend.language.nodes import FloatArray
 from yasps.runtime.solvers.options import PRECONDITIONERS, SOLVERS, WHEN_TO_PROJECT, SolveOptions
 from yasps.runtime.solvers.pcg import SolveReport, StopReason
@@ -27,6 +27,13 @@ __all__ = [
     "solve_options",
 ]
 
+ATTEMPTS: dict[str, tuple[ToProject, ...]] = {
+    "always": (True,),
+    "on-demand": (False, True),
+    "auto": ("dynamic", True),
+}
+"""What is projected at first, and what if that fails."""
+
 
 class Stages(Protocol):
     """What times parts of the work; `TimeTable` is one."""
@@ -42,14 +49,14 @@ class _NoStages:
 
 @dataclass(frozen=True)
 class NewtonSolution:
-    """x of H x = gradient. projected: whether H's energies had their negative eigenvalues removed."""
+    """x of H x = gradient. projected: whether all of H's energies had their negative eigenvalues removed."""
 
     x: FloatArray
     gradient: FloatArray
     report: SolveReport
     projected: bool
     wasted_iterations: int = 0
-    """Iterations of conjugate gradients on an unprojected H that was given up."""
+    """Iterations of conjugate gradients on an H, not or only partly projected, that was given up."""
 
     @property
     def slope(self) -> float:
@@ -87,7 +94,9 @@ def solve_newton_system(
     options.projection: "always" removes the negative eigenvalues of every energy's local Hessians, as the energy was
     registered. "on-demand" tries H as it is, and does so only where that fails: when conjugate gradients meet negative
     curvature, a factorisation a pivot that isn't positive, or -x does not go downhill. At a minimum H needs no
-    projection and Newton's method converges quadratically there.
+    projection and Newton's method converges quadratically there. "auto" does the same, but for energies whose instances
+    change, which it always projects: a barrier is so stiff where it is concave that other energies seldom outweigh it,
+    while elasticity is seldom so concave that H were not positive definite.
 
     fixed: unknowns that stay as they are, see `CompiledScene.assemble` and `CompiledScene.unknowns_of`; x is 0 there.
 
@@ -95,13 +104,13 @@ def solve_newton_system(
     """
     stages = stages or _NoStages()
     wasted = 0
-    for project in (True,) if options.projection == "always" else (False, True):
+    for project in ATTEMPTS[options.projection]:
         with stages.stage("derivatives and assembly"):
             gradient = compiled.assemble(project=project, fixed=fixed)
         with stages.stage("linear solver"):
             x, report = compiled.solve_linear(gradient, options)
-        solution = NewtonSolution(x, gradient, report, project, wasted)
-        if project or not _needs_projection(solution):
+        solution = NewtonSolution(x, gradient, report, project is True, wasted)
+        if project is True or not _needs_projection(solution):
             break
         wasted += report.iterations
     return solution

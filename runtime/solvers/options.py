@@ -10,7 +10,7 @@ SOLVERS = ("pcg", "direct", "auto")
 """Names of the linear solvers."""
 PRECONDITIONERS = ("auto", "jacobi", "two-level")
 """Names of the preconditioners of conjugate gradients."""
-WHEN_TO_PROJECT = ("always", "on-demand")
+WHEN_TO_PROJECT = ("always", "on-demand", "auto")
 """When a Newton system's Hessian loses its negative eigenvalues."""
 _MOST_ITERATIONS = 2**31
 """What fits the runtime's counter."""
@@ -23,10 +23,11 @@ class SolveOptions:
     tolerance: relative, on the squared norm of the residual, r^T D^-1 r <= tolerance g^T D^-1 g, with the diagonal
     blocks D of H, whatever the preconditioner is. max_iterations: of conjugate gradients. solver: "pcg", conjugate
     gradients; "direct", a sparse factorisation; "auto", the one that did better (see `LinearSolver`). projection:
-    "always", or "on-demand", only where H turns out not to be positive definite; a solver that is given H does not look
-    at it. history: keep the residual of every iteration of conjugate gradients in the report. preconditioner: of
-    conjugate gradients, "jacobi", which is D; "two-level", D and a coarse space; "auto", the one that
-    was cheaper for earlier systems (see `PcgSolver`, `PreconditionerChoice`).
+    "always"; "on-demand", only where H turns out not to be positive definite; "auto", always that of energies whose
+    instances change, else on demand; a solver that is given H does not look at it. history: keep the residual of every
+    iteration of conjugate gradients in the report. preconditioner: of conjugate gradients, "jacobi", which is D;
+    "two-level", D and a coarse space; "auto", the one that was cheaper for earlier systems (see `PcgSolver`,
+    `PreconditionerChoice`).
 
     Raises ValueError for what can't limit a solver and for names that don't exist.
     """

@@ -8,6 +8,7 @@ import pytest
 from yasps import Attribute, Scene, materials
 from yasps.contact import BarrierContact
 from yasps.meshes import box, ground
+from yasps.output import TimeTable
 from yasps.stepping import MovingPart, NewtonReport, NewtonSettings, TimeStepper, minimize
 
 STEP = 0.01
@@ -49,7 +50,7 @@ def test_every_way_ends_at_the_same_minimum() -> None:
     assert plain.projected == plain.iterations
     assert plain.direct_solves == 0
     assert max(plain.step_lengths) == 1.0
-    for settings in ({}, {"solver": "direct"}, {"projection": "on-demand"}):
+    for settings in ({}, {"solver": "direct"}, {"projection": "on-demand"}, {"projection": "auto"}):
         report, found = run(**settings)
         np.testing.assert_allclose(found, expected, rtol=0, atol=1e-8)
         assert report.energy == pytest.approx(plain.energy, rel=1e-12)
@@ -79,6 +80,27 @@ def test_a_step_too_short_is_made_longer() -> None:
     assert longer.iterations <= 3  # the parabola's lowest point is that of this energy
     assert longer.step_lengths[0] == pytest.approx(10.0)
     np.testing.assert_allclose(x.value, 0.0, atol=1e-9)
+
+
+def test_after_a_failure_auto_projects_at_once() -> None:
+    """x^4 / 4 - x^2 + x^2 / 2, from 0.01: projected, x doubles until the Hessian is definite, at x = 1 / sqrt(3)."""
+    scene = Scene("wells")
+    points = scene.add_mesh("m").add_primitive("points", 1)
+    x = points.add_attribute("x", 3, 1, value=np.zeros((1, 3)))
+    square = x[0] * x[0]
+    scene.add_energy(points.add_attribute("bowl", computed_attribute=0.5 * x.dot(x)))
+    scene.add_energy(points.add_attribute("wells", computed_attribute=0.25 * square * square - square))
+    scene.add_minimize_target(x)
+    systems = {}
+    for projection in ("on-demand", "auto"):
+        x.update_value([[0.01, 0.0, 0.0]])
+        times = TimeTable()
+        settings = NewtonSettings(velocity_tolerance=1e-6, longest_step=1.0, projection=projection)
+        report = minimize(scene, [x], 1.0, settings=settings, times=times)
+        np.testing.assert_allclose(x.value, [1.0, 0.0, 0.0], atol=1e-6)
+        systems[projection] = {row.stage: row.calls for row in times.rows()}["linear solver"] - report.iterations
+    assert systems["on-demand"] >= 6
+    assert systems["auto"] == 1
 
 
 def falling_box() -> tuple[Scene, BarrierContact, Attribute, MovingPart]:

@@ -29,6 +29,7 @@ from yasps.output import TimeTable
 from yasps.stepping.detour import Direction, best_direction, direction_of
 from yasps.stepping.forces import Arms, ForceMeasure, checked_arms
 from yasps.stepping.motion import Motion, positions_of
+from yasps.stepping.projection_choice import ProjectionChoice
 from yasps.stepping.settings import NewtonReport, NewtonSettings
 
 ROUNDING = 1e-15
@@ -103,6 +104,7 @@ class Minimization:
     report: NewtonReport = field(default_factory=NewtonReport)
     rounding: float = 0.0
     """Differences of energies that may be only rounding [J]; known where forces are asked for."""
+    projections: ProjectionChoice = field(default_factory=ProjectionChoice)
     stands_still: bool = False
     """Whether the last direction moves no vertex by more than positions are rounded."""
 
@@ -212,7 +214,9 @@ class Minimization:
     def solve(self) -> NewtonSolution:
         """Newton's direction where the targets are now."""
         compiled, settings = self.scene.compile(), self.settings
-        solution = solve_newton_system(compiled, settings.linear, stages=self.times, fixed=self.fixed)
+        linear = self.projections.options(settings.linear, self.report.step_lengths)
+        solution = solve_newton_system(compiled, linear, stages=self.times, fixed=self.fixed)
+        self.projections.learn(linear, solution)
         solved = solution.report
         self.report.cg_iterations += solved.all_iterations + solution.wasted_iterations
         self.report.projected += solution.projected

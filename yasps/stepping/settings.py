@@ -79,7 +79,7 @@ class NewtonReport:
     """Largest vertex displacement of the last Newton direction over dt [m/s]."""
     step_lengths: list[float] = field(default_factory=list)
     projected: int = 0
-    """Iterations whose Hessian was projected."""
+    """Iterations with the Hessians of all energies projected."""
     detours: int = 0
     """Linear systems more, for directions around what is in the way of the first ones."""
     direct_solves: int = 0

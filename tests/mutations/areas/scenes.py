@@ -139,7 +139,7 @@ MUTATIONS = (
     Mutation(
         "on demand is always",
         "frontend/execution/compiled_scene.py",
-        "return self.mode if project else Projection.NONE",
+        "return self.mode if wanted else Projection.NONE",
         "return self.mode",
         ("tests/frontend/execution/test_solver_choice.py",),
     ),

@@ -22,6 +22,8 @@ INTEGRATORS = "yasps/stepping/integrators.py"
 BDF = "tests/stepping/test_integrators.py"
 ORDERS = (f"{BDF}::test_orders",)
 STATIC = "tests/stepping/test_quasi_static.py"
+CHOICE = "yasps/stepping/projection_choice.py"
+CHOICES = "tests/stepping/test_projection_choice.py"
 MOTION = "yasps/stepping/motion.py"
 EULER = "yasps/stepping/time_stepper.py"
 
@@ -30,6 +32,48 @@ GOES_ON = (f"{REMESHING}::test_a_cloth_goes_on_with_another_mesh_and_compiles_no
 ANEW = (f"{REMESHING}::test_the_simulation_is_then_one_of_the_new_mesh",)
 
 MUTATIONS = (
+    Mutation(
+        "static energies are projected at once",
+        "frontend/execution/newton_system.py",
+        '    "auto": ("dynamic", True),\n',
+        '    "auto": (True,),\n',
+        ("tests/frontend/execution/test_solver_choice.py",),
+    ),
+    Mutation(
+        "energies of changing instances are left as they are",
+        "frontend/execution/compiled_scene.py",
+        'self.dynamic if project == "dynamic" else project',
+        "project is True",
+        ("tests/frontend/execution/test_solver_choice.py",),
+    ),
+    Mutation(
+        "a failed try is forgotten",
+        CHOICE,
+        "        self.tries = not solution.projected\n",
+        "        self.tries = True\n",
+        (CHOICES,),
+    ),
+    Mutation(
+        "pauses stay short",
+        CHOICE,
+        "min(2 * self.next_pause, LONGEST_PAUSE)",
+        "1",
+        (CHOICES,),
+    ),
+    Mutation(
+        "a step too short is not noticed",
+        CHOICE,
+        "self.tries or bool(steps and steps[-1] > 1.0)",
+        "self.tries",
+        (CHOICES,),
+    ),
+    Mutation(
+        "Newton's method learns nothing of failures",
+        CODE,
+        "        self.projections.learn(linear, solution)\n",
+        "",
+        ("tests/stepping/test_newton.py",),
+    ),
     Mutation(
         "BDF2 begins anew on another mesh",
         EULER,
