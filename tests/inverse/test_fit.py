@@ -92,6 +92,15 @@ def test_refusals(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     fit(trajectory, away, k, max_iterations=1, file=file, progress=False)
     with pytest.raises(SceneError, match="of another fit"):
         fit(trajectory, away, body.mass, file=file, resume=True)
+    file.write_bytes(file.read_bytes()[:-40])
+    with pytest.raises(SceneError, match=r"fit\.npz holds no state of a fit"):
+        fit(trajectory, away, k, file=file, resume=True)
+    path = k.path
+    np.savez(file, **{f"values/{path}": np.ones((2, 1, 1)), "history": np.zeros((0, 4))})  # type: ignore[arg-type]
+    before = k.value.copy()
+    with pytest.raises(SceneError, match="of another fit"):
+        fit(trajectory, away, k, file=file, resume=True)
+    assert np.array_equal(k.value, before)
     k.update_value(0.0)
     with pytest.raises(DataError, match="LOG of 0"):
         fit(trajectory, away, k, transforms={k: LOG})

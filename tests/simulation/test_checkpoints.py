@@ -290,6 +290,21 @@ def test_every_bit_of_a_file_counts(tmp_path: Path) -> None:
     assert noticed > 30
 
 
+@pytest.mark.parametrize(("place", "what"), [(4, "version"), (6, "encryption"), (8, "method of compression")])
+def test_damage_to_how_a_file_is_packed_is_said(tmp_path: Path, place: int, what: str) -> None:
+    """In each entry of a zip file: what it needs, flags, and its method."""
+    simulation, _ = falling()
+    file = tmp_path / "state.npz"
+    simulation.save(file)
+    content = bytearray(file.read_bytes())
+    directory = content.index(b"PK\x01\x02")
+    content[place] ^= 0x61
+    content[directory + place + 2] ^= 0x61
+    file.write_bytes(content)
+    with pytest.raises(SceneError, match=r"state\.npz holds no state of a simulation"):
+        simulation.restore(file)
+
+
 def test_a_file_that_can_not_be_written_leaves_the_one_before(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     simulation, _ = falling()
     file = tmp_path / "state.npz"

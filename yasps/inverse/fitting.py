@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -21,6 +20,7 @@ from yasps.inverse.objectives import Squares
 from yasps.inverse.parameters import Parameter, names_of
 from yasps.inverse.sensitivities import gauss_newton_product
 from yasps.inverse.trajectory import Trajectory
+from yasps.simulation.state_files import read_arrays, write_arrays
 
 METHODS = ("L-BFGS-B", "trust-constr", "SLSQP", "TNC", "BFGS", "CG", "Newton-CG", "trust-ncg", "trust-krylov")
 """Of `scipy.optimize.minimize`: those that take gradients."""
@@ -280,22 +280,24 @@ class _Search:
             self.write(self.file)
 
     def write(self, file: Path) -> None:
-        """Values and history, wholly or not at all."""
+        """Values and history, wholly or not at all. Raises SceneError if the system does not let it."""
         arrays = {f"values/{one.name}": one.value(self.trajectory) for one in self.parameters}
         table = [(one.number, one.value, one.slope, one.runs) for one in self.history]
-        part = file.with_name(f"{file.name}.part")
-        with part.open("wb") as stream:
-            np.savez(stream, history=np.array(table, np.float64).reshape(-1, 4), **arrays)  # type: ignore[arg-type]
-        os.replace(part, file)
+        write_arrays(file, {"history": np.array(table, np.float64).reshape(-1, 4), **arrays})
 
     def restore(self, file: Path) -> None:
-        """What `write` wrote. Raises SceneError for a file of another fit."""
-        with np.load(file) as arrays:
-            names = {f"values/{one.name}" for one in self.parameters} | {"history"}
-            if set(arrays.files) != names:
-                raise SceneError(f"{file} is of another fit: it has {', '.join(sorted(arrays.files))}")
+        """What `write` wrote. Raises SceneError for a file of another fit, DamagedStateError; nothing is set then."""
+        arrays = read_arrays(file, of="fit")
+        before = {one: one.value(self.trajectory).copy() for one in self.parameters}
+        if arrays.keys() != {f"values/{one.name}" for one in self.parameters} | {"history"}:
+            raise SceneError(f"{file} is of another fit: it has {', '.join(sorted(arrays))}")
+        try:
             for one in self.parameters:
                 one.set(self.trajectory, arrays[f"values/{one.name}"])
-            for number, value, slope, runs in arrays["history"]:
-                self.history.append(Iteration(int(number), float(value), float(slope), int(runs)))
+        except YaspsError as error:
+            for one, value in before.items():
+                one.set(self.trajectory, value)
+            raise SceneError(f"{file} is of another fit: {error}") from error
+        for number, value, slope, runs in arrays["history"]:
+            self.history.append(Iteration(int(number), float(value), float(slope), int(runs)))
         self.runs = self.history[-1].runs if self.history else 0

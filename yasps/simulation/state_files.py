@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import contextlib
 import os
-import zipfile
-import zlib
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -19,7 +17,7 @@ Arrays = Mapping[str, NDArray[Any]]
 
 
 class DamagedStateError(SceneError):
-    """A file that is no state of a simulation, or no longer a whole one."""
+    """A file that is no state of a simulation or fit, or no longer a whole one."""
 
 
 def write_arrays(file: Path, arrays: Arrays) -> None:
@@ -51,10 +49,11 @@ def _sync_folder(folder: Path) -> None:
         os.close(number)
 
 
-def read_arrays(file: Path) -> dict[str, NDArray[Any]]:
-    """All arrays of such a file. Raises DamagedStateError."""
+def read_arrays(file: Path, of: str = "simulation") -> dict[str, NDArray[Any]]:
+    """All arrays of such a file. Raises DamagedStateError, which says what it should be a state `of`."""
     try:
         with file.open("rb") as stream, np.load(stream, allow_pickle=False) as stored:
             return {name: np.asarray(stored[name]) for name in stored.files}
-    except (OSError, EOFError, ValueError, AttributeError, TypeError, zipfile.BadZipFile, zlib.error) as problem:
-        raise DamagedStateError(f"{file} holds no state of a simulation: {problem}") from problem
+    except Exception as problem:  # damage shows anywhere: in zip, its methods and flags, zlib, the header of an array
+        told = str(problem) or type(problem).__name__
+        raise DamagedStateError(f"{file} holds no state of a {of}: {told}") from problem
