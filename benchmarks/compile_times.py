@@ -229,6 +229,7 @@ def _exchange(compiled: CpuScene, library: ctypes.CDLL) -> None:
     """The scene runs on this library, which has the same functions. Raises ValueError if they do something else."""
     expected = compiled.assemble()
     compiled.program._library = library
+    compiled.program._functions.clear()  # addresses in the library before
     owner = compiled.targets[0].owner
     assert owner is not None
     compiled.arrays_moved(owner)

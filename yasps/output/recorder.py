@@ -97,7 +97,6 @@ class FrameRecorder:
         self._bodies: list[Shown] = list(simulation.bodies)
         self._last = [body.positions() for body in self._bodies]
         self._view, self._colors = checked_view(camera, view_direction, bounds, speed), colors
-        self.folder.mkdir(parents=True, exist_ok=True)
         self.files = [self.file]
         self._earlier_frames = 0
         while (
@@ -121,6 +120,7 @@ class FrameRecorder:
                 cells.setdefault(kind, []).append(ids + shown.first)
                 owners.setdefault(kind, []).append(np.full(len(ids), number, np.int32))
         of_points = np.repeat(np.arange(len(bodies), dtype=np.int32), [body.count for body in bodies])
+        self.folder.mkdir(parents=True, exist_ok=True)
         self._meshes = [dict(body.cells) for body in self._bodies]
         return VtkHdfSeries(
             self.files[-1],
