@@ -33,7 +33,7 @@ PROGRAM = SceneProgram(
 )
 PROGRAM.add_argument("--friction", type=float, default=0.3, help="coefficient everywhere (0.3)")
 PROGRAM.add_argument("--solver", choices=SOLVERS, default="pcg", help="of the linear systems (pcg)")
-PROGRAM.add_argument("--projection", choices=WHEN_TO_PROJECT, default="auto", help="of Hessians (auto)")
+PROGRAM.add_argument("--projection", choices=WHEN_TO_PROJECT, default="always", help="of Hessians (always)")
 
 
 def two_bunnies(shape: TetrahedralMesh, scene: Scene, time_step: float = 0.01, friction: float = 0.0) -> Simulation:

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
@@ -33,7 +31,6 @@ def test_detours_save_iterations_and_end_at_the_same_place(monkeypatch: pytest.M
     for most in (0, 2):
         monkeypatch.setattr(detour, "DETOURS", most)
         simulation = thrown_cubes()
-        simulation.stepper.settings = replace(simulation.stepper.settings, projection="always")
         contact = simulation.contact
         assert contact is not None
         reports = [simulation.step() for _ in range(3)]

@@ -29,7 +29,7 @@ class NewtonSettings:
     shortest_step: float = 2.0**-40
     longest_step: float = 4.0
     solver: str = "pcg"
-    projection: str = "auto"
+    projection: str = "always"
     force_tolerance: float | None = None
     relative_force_tolerance: float | None = None
     preconditioner: str = "jacobi"
