@@ -263,9 +263,14 @@ class CollisionGeometry(Uncopied):
         return self._bound(first, last, candidates.pairs)
 
     def meetings(self, start: ArrayLike, end: ArrayLike, candidates: Candidates) -> Meetings:
-        """The pairs for which the straight way from `start` to `end` [n, 3] is not free: those that bound a step."""
+        """The pairs for which the straight way from `start` to `end` [n, 3] is not free: those that bound a step.
+
+        They are ordered by their vertices: candidates come as the search found them, which a saved state does not know.
+        """
         first, last = self._on_way(start, "start", candidates), self._on_way(end, "end", candidates)
-        return self._surface.meetings(first, last, self._rest, candidates.pairs)
+        found = self._surface.meetings(first, last, self._rest, candidates.pairs)
+        order = np.lexsort(found.vertices.T[::-1])
+        return Meetings(*(value[order] for value in vars(found).values()))
 
     def check_way(self, start: ArrayLike, end: ArrayLike, *, only: NDArray[np.bool_] | None = None) -> None:
         """Raise IntersectionError, naming a pair that meets, if surfaces do on the straight way from `start` to `end`
