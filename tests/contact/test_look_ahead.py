@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from collision_scenes import SCENES, Floats
@@ -57,6 +59,20 @@ def test_what_meets_is_what_bounds_a_step(name: str, radius: float) -> None:
         np.testing.assert_allclose(gap, 0.1 * found.gaps, rtol=0.011, atol=1e-12)
     assert met > 10
     assert len(kinds) == 2
+
+
+def test_what_meets_does_not_depend_on_the_order_of_candidates() -> None:
+    """A search after a resume finds them in another."""
+    (points, faces), reach = SCENES["shaken"]
+    geometry = CollisionGeometry(points, faces, reach)
+    end = points + through(points, 0)
+    candidates = geometry.candidates(points, end)
+    found = geometry.meetings(points, end, candidates)
+    assert len(found.times) > 3
+    pairs = SurfacePairs(candidates.pairs.edge_edge[::-1].copy(), candidates.pairs.vertex_triangle[::-1].copy())
+    again = geometry.meetings(points, end, replace(candidates, pairs=pairs))
+    for name, value in vars(found).items():
+        np.testing.assert_array_equal(value, getattr(again, name), err_msg=name)
 
 
 def halves(points: Floats, axis: int) -> Constraints:

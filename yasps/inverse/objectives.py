@@ -80,18 +80,13 @@ class FrameView:
     """Of the vertices of each moving body [m/s], [n, 3]."""
 
 
-class Energy(Objective):
-    """A 1x1 attribute, the sum over its instances: any formula of positions, targets and constants."""
+class _OfAttribute(Objective):
+    """An objective that reads one attribute."""
 
-    def __init__(self, attribute: Attribute, frames: Frames = "last", weight: float = 1.0) -> None:
-        """Raises ShapeMismatchError unless it is 1x1, SceneError for what is no attribute of a scene."""
+    def __init__(self, attribute: Attribute, frames: Frames, weight: float) -> None:
+        """Raises SceneError for what is no attribute of a scene."""
         super().__init__(frames, weight)
         _check_attribute(attribute)
-        if attribute.shape != (1, 1):
-            raise ShapeMismatchError(
-                f"an objective is 1x1 on every instance, but {attribute.path} is {attribute.shape}; reduce it, or take"
-                " Squares"
-            )
         self.attribute = attribute
 
     def check(self, scene: Scene) -> None:
@@ -102,6 +97,19 @@ class Energy(Objective):
     def inputs(self) -> tuple[Attribute, ...]:
         """Of its attribute."""
         return self.attribute.inputs
+
+
+class Energy(_OfAttribute):
+    """A 1x1 attribute, the sum over its instances: any formula of positions, targets and constants."""
+
+    def __init__(self, attribute: Attribute, frames: Frames = "last", weight: float = 1.0) -> None:
+        """Raises ShapeMismatchError unless it is 1x1, SceneError for what is no attribute of a scene."""
+        super().__init__(attribute, frames, weight)
+        if attribute.shape != (1, 1):
+            raise ShapeMismatchError(
+                f"an objective is 1x1 on every instance, but {attribute.path} is {attribute.shape}; reduce it, or take"
+                " Squares"
+            )
 
     def value(self, frame: FrameView) -> float:
         """Of all instances."""
@@ -117,25 +125,14 @@ class Energy(Objective):
         return Slopes(dict(zip(read, gradients, strict=True)))
 
 
-class Squares(Objective):
+class Squares(_OfAttribute):
     """Half of the sum of squares of all numbers of an attribute of any shape: of what should be 0."""
 
     def __init__(self, attribute: Attribute, frames: Frames = "last", weight: float = 1.0) -> None:
         """Raises SceneError for what is no attribute of a scene, DataError for a negative weight."""
-        super().__init__(frames, weight)
-        _check_attribute(attribute)
+        super().__init__(attribute, frames, weight)
         if self.weight < 0:
             raise DataError(f"squares have a weight >= 0, got {weight}")
-        self.attribute = attribute
-
-    def check(self, scene: Scene) -> None:
-        """Of its own scene."""
-        _check_scene(self.attribute, scene)
-
-    @property
-    def inputs(self) -> tuple[Attribute, ...]:
-        """Of its attribute."""
-        return self.attribute.inputs
 
     def value(self, frame: FrameView) -> float:
         """Of all instances."""
