@@ -165,6 +165,7 @@ struct Structure {
     long blocks = 0;      // number of unique global blocks
     long values = 0;      // doubles in HessianBlocks
     int group_count = 0;  // shapes that occur
+    long builds = 0;      // how often it was built
     Buffer<Group> groups;
     Buffer<int> row, col;    // [blocks]: dof blocks, row <= col
     Buffer<int> padded_col;  // [blocks]: col as offset into padded vectors
@@ -187,6 +188,8 @@ struct Structure {
 // too. Writes y from the first row on up to reach_of the same rows. See multiply.cpp.
 void multiply_rows(const Structure& s, const double* values, Range rows, const double* x, double* y);
 long reach_of(const Structure& s, Range rows);
+// The first run of the group in this row or a later one; the one behind the last where there is none.
+const Run* first_run(const Structure& s, const Group& group, long row);
 // Doubles of HessianBlocks in the rows before this one.
 long values_before(const Structure& s, long row);
 

@@ -353,6 +353,7 @@ int yasps_structure_build(yasps::Structure* s, long targets, const long* boundar
                           const int* const* kappa, long* const* position, int with_diagonal, int threads, long* where) {
     const bool fresh = boundaries != nullptr;
     s->aggregates.known = false;
+    ++s->builds;
     if (fresh && !s->next_layout.build(targets, boundaries, block_sizes, order)) return yasps::kOutOfMemory;
     yasps::Buffer<long> first_source;
     if (!first_source.reserve(energy_count + 1)) return yasps::kOutOfMemory;

@@ -150,13 +150,12 @@ void multiply_group(const Group& group, const Run* run, const Run* end, const in
     }
 }
 
-// The first run of the group in this row or a later one; the one behind the last where there is none.
+}  // namespace
+
 const Run* first_run(const Structure& s, const Group& group, long row) {
     const Run* const runs = s.runs.data + group.first_run;
     return std::lower_bound(runs, runs + group.runs, row, [](const Run& run, long wanted) { return run.row < wanted; });
 }
-
-}  // namespace
 
 void multiply_rows(const Structure& s, const double* values, Range rows, const double* x, double* y) {
     for (int g = 0; g < s.group_count; ++g) {

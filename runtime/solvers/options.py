@@ -8,7 +8,7 @@ import numpy as np
 
 SOLVERS = ("pcg", "direct", "auto")
 """Names of the linear solvers."""
-PRECONDITIONERS = ("auto", "jacobi", "two-level")
+PRECONDITIONERS = ("auto", "jacobi", "gauss-seidel", "two-level")
 """Names of the preconditioners of conjugate gradients."""
 WHEN_TO_PROJECT = ("always", "on-demand", "auto")
 """When a Newton system's Hessian loses its negative eigenvalues."""

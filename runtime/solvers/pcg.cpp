@@ -7,65 +7,11 @@
 #include <new>
 
 #include "core/runtime.h"
-#include "solvers/coarse_space.h"
-#include "solvers/preconditioner.h"
+#include "solvers/workspace.h"
 
 namespace yasps {
 
-// Consecutive dof blocks: their rows of the matrix, and their share of all vectors.
-struct Piece {
-    Range blocks;
-    Range own;        // the same in padded vectors
-    long reach;       // end of what the product of its rows writes; it begins with the own part
-    double* product;  // of its rows alone; only [own.begin, reach) exists
-    double sums[2];   // what the piece adds to two sums over all unknowns
-    long bad_block;   // the first block that cannot be inverted, or -1
-    Reason bad_status;
-    char distance[56];  // neighbours in the list are written by different threads
-};
-
-// Memory of the solver, kept between solves.
-struct Workspace {
-    Buffer<double> x, g, residual, direction, preconditioned;  // padded vectors
-    Buffer<double> products;                                   // of all pieces, one after another
-    Buffer<double> inverse;                                    // inverted diagonal blocks
-    Buffer<double> scratch;                                    // one diagonal block per piece
-    Buffer<Piece> pieces;
-    CoarseSpace coarse;
-    long piece_count = 0;
-};
-
 namespace {
-
-// Layout shared with runtime/solvers/pcg.py.
-struct SolveResult {
-    long iterations;
-    double relative_residual;
-    long reason;
-    long block;   // scalar offset of the diagonal block to blame, or -1
-    long coarse;  // 1: with the coarse space, -1: it was asked for and is not positive definite, else 0
-};
-
-struct System {
-    int parts;
-    const Structure* const* structures;
-    const double* const* values;
-
-    const Layout& layout() const { return structures[0]->layout; }
-    const Aggregates& aggregates() const { return structures[0]->aggregates; }
-};
-
-// The pieces of one thread.
-struct ThreadShare {
-    Piece *first, *last;
-    Piece* begin() const { return first; }
-    Piece* end() const { return last; }
-};
-
-ThreadShare share_of_thread(Workspace& w) {
-    const Range range = piece(w.piece_count, omp_get_thread_num(), omp_get_num_threads());
-    return {w.pieces.data + range.begin, w.pieces.data + range.end};
-}
 
 // What the rows before this dof block cost, in doubles that pass through the processor.
 long work_before(const System& system, long block) {
@@ -77,18 +23,18 @@ long work_before(const System& system, long block) {
 }
 
 // Cuts the rows into pieces. False: out of memory.
-bool cut_pieces(Workspace& w, const System& system, long pieces) {
+bool cut_pieces(Workspace& w, const System& system, long pieces, const System& work) {
     const Layout& layout = system.layout();
     if (!w.pieces.reserve(pieces)) return false;
     w.piece_count = pieces;
-    const long work = work_before(system, layout.blocks);
+    const long whole = work_before(work, layout.blocks);
     long products = 0;
     for (long k = 0, begin = 0; k < pieces; ++k) {
         // The first block with at least this piece's share of the work before it.
         long end = begin, high = layout.blocks;
         while (end < high) {
             const long middle = (end + high) / 2;
-            if (work_before(system, middle) < work * (k + 1) / pieces)
+            if (work_before(work, middle) < whole * (k + 1) / pieces)
                 end = middle + 1;
             else
                 high = middle;
@@ -115,28 +61,6 @@ bool cut_pieces(Workspace& w, const System& system, long pieces) {
     return true;
 }
 
-void clear(double* vector, long begin, long end) {
-    if (end > begin) memset(vector + begin, 0, static_cast<size_t>(end - begin) * sizeof(double));
-}
-
-// product += H x for the rows of a piece; complete once gather has run after a barrier.
-void multiply_piece(const System& system, const Piece& p, const double* x) {
-    for (int part = 0; part < system.parts; ++part)
-        multiply_rows(*system.structures[part], system.values[part], p.own, x, p.product);
-}
-
-// Adds what the rows of earlier pieces found for this one, in their order, and empties that. Later pieces write only
-// to the right of their first row, since only the upper triangle is stored.
-void gather(const Workspace& w, const Piece& p) {
-    for (const Piece* from = w.pieces.data; from != &p; ++from) {
-        const long end = from->reach < p.own.end ? from->reach : p.own.end;
-        for (long i = p.own.begin; i < end; i += 4) {
-            store(p.product + i, load(p.product + i) + load(from->product + i));
-            store(from->product + i, d4{});
-        }
-    }
-}
-
 double dot(Range range, const double* a, const double* b) {
     d4 first = {}, second = {};
     long i = range.begin;
@@ -146,12 +70,6 @@ double dot(Range range, const double* a, const double* b) {
     }
     for (; i < range.end; i += 4) first += load(a + i) * load(b + i);
     return sum_of(first + second);
-}
-
-double total(const Workspace& w, int which) {
-    double sum = 0;
-    for (long k = 0; k < w.piece_count; ++k) sum += w.pieces[k].sums[which];
-    return sum;
 }
 
 // z = M^-1 r for some dof blocks; returns their share of r^T z.
@@ -186,9 +104,6 @@ double* restricted_of(const Workspace& w, const Piece& p) {
 void clear_restricted(const Workspace& w, const Piece& p) {
     clear(restricted_of(w, p), 0, kCopies * w.coarse.restricted_length);
 }
-
-// Whether every dof block is one vector, as in most scenes.
-bool has_threes_only(const Layout& layout) { return layout.classes == 1 && layout.largest == 3; }
 
 // Adds P^T r of some dof blocks.
 void restrict_to_coarse(const Workspace& w, const Layout& layout, Range blocks, double* restricted) {
@@ -265,13 +180,6 @@ void invert_diagonal_of(Workspace& w, const System& system, Piece& p) {
                                    w.scratch.data + (&p - w.pieces.data) * size * size, &bad);
     if (p.bad_status != kConverged) p.bad_block = bad;
 }
-
-struct Options {
-    double tolerance;
-    long max_iterations;
-    double* history;  // [max_iterations + 1] or null
-    bool coarse;      // with the coarse space
-};
 
 // Vectors of a piece before the first iteration; its two sums become whether g is not finite, and its largest entry.
 void start_piece(Workspace& w, const System& system, const double* g, const double* x0, Piece& p) {
@@ -396,12 +304,17 @@ void iterate(Workspace& w, const System& system, const Options& options, const d
     }
 }
 
-bool reserve(Workspace& w, const System& system, long pieces, long threads, bool coarse) {
+bool reserve(Workspace& w, const System& system, long pieces, long threads, int preconditioner) {
+    const bool coarse = preconditioner == kTwoLevel, swept = preconditioner == kGaussSeidel;
+    // Sweeps follow the static part, so that their lists stay while it does.
+    const System fixed = {1, system.structures, system.values};
+    if (swept) pieces = pieces_to_sweep(system.layout());
     const Layout& layout = system.layout();
     const long n = layout.padded + 8;
     return w.x.reserve(n) && w.g.reserve(n) && w.residual.reserve(n) && w.direction.reserve(n) &&
            w.preconditioned.reserve(n) && w.inverse.reserve(layout.inverse_start[layout.blocks]) &&
-           w.scratch.reserve(pieces * layout.largest * layout.largest) && cut_pieces(w, system, pieces) &&
+           w.scratch.reserve(pieces * layout.largest * layout.largest) && cut_pieces(w, system, pieces, swept ? fixed : system) &&
+           (!swept || (w.start.reserve(n) && list_products(w.sweeps, system, w.pieces.data, pieces))) &&
            (!coarse || (find_aggregates(*system.structures[0]) &&
                         reserve_coarse_space(w.coarse, *system.structures[0], pieces, threads)));
 }
@@ -414,16 +327,17 @@ extern "C" {
 yasps::Workspace* yasps_workspace_new() { return new (std::nothrow) yasps::Workspace; }
 void yasps_workspace_free(yasps::Workspace* w) { delete w; }
 
-// Solves (sum of parts) x = g. All parts have the same layout. x0 and history may be null. coarse: whether the
-// coarse space is used. Results are the same for the same number of pieces, whatever the number of threads.
+// Solves (sum of parts) x = g. All parts have the same layout. x0 and history may be null. preconditioner: see
+// Preconditioner. Results are the same for the same number of pieces, whatever the number of threads.
 int yasps_solve(yasps::Workspace* w, int parts, const yasps::Structure* const* structures, const double* const* values,
-                const double* g, const double* x0, double* x, double tolerance, long max_iterations, int coarse,
+                const double* g, const double* x0, double* x, double tolerance, long max_iterations, int preconditioner,
                 double* history, int threads, int pieces, yasps::SolveResult* result) {
     const yasps::System system = {parts, structures, values};
-    if (!yasps::reserve(*w, system, pieces, threads, coarse != 0)) return yasps::kOutOfMemory;
-    const yasps::Options options = {tolerance, max_iterations, history, coarse != 0};
+    if (!yasps::reserve(*w, system, pieces, threads, preconditioner)) return yasps::kOutOfMemory;
+    const yasps::Options options = {tolerance, max_iterations, history, preconditioner == yasps::kTwoLevel};
+    const auto iterate = preconditioner == yasps::kGaussSeidel ? yasps::iterate_swept : yasps::iterate;
 #pragma omp parallel num_threads(threads)
-    yasps::iterate(*w, system, options, g, x0, x, result);
+    iterate(*w, system, options, g, x0, x, result);
     return yasps::kOk;
 }
 
@@ -432,7 +346,7 @@ int yasps_multiply(yasps::Workspace* w, const yasps::Structure* structure, const
                    double* y, int threads, int pieces) {
     const yasps::System system = {1, &structure, &values};
     const yasps::Layout& layout = system.layout();
-    if (!w->x.reserve(layout.padded + 8) || !yasps::cut_pieces(*w, system, pieces)) return yasps::kOutOfMemory;
+    if (!w->x.reserve(layout.padded + 8) || !yasps::cut_pieces(*w, system, pieces, system)) return yasps::kOutOfMemory;
 #pragma omp parallel num_threads(threads)
     {
         const yasps::ThreadShare share = yasps::share_of_thread(*w);

@@ -262,7 +262,7 @@ class PcgSolver(Uncopied):
                 x.ctypes.data,
                 options.tolerance,
                 max_iterations,
-                two_level,
+                2 if options.preconditioner == 'gauss-seidel' else int(two_level),
                 history.ctypes.data if history is not None else None,
                 count,
                 piece_count(count, self._deterministic),

@@ -12,15 +12,7 @@ namespace {
 // inverse are padded to whole vectors.
 YASPS_ALWAYS_INLINE Reason invert_block(int q, int parts, const Structure* const* structures,
                                         const double* const* values, long block, double* out, double* scratch) {
-#pragma GCC unroll 9
-    for (int k = 0; k < q * q; ++k) scratch[k] = 0;
-    for (int p = 0; p < parts; ++p) {
-        const long offset = structures[p]->diagonal[block];
-        if (offset < 0) continue;
-        const double* const part = values[p] + offset;
-#pragma GCC unroll 9
-        for (int k = 0; k < q * q; ++k) scratch[k] += part[k];
-    }
+    sum_diagonal_block(q, parts, structures, values, block, scratch);
     bool finite = true;
 #pragma GCC unroll 9
     for (int k = 0; k < q * q; ++k) finite &= fabs(scratch[k]) < INFINITY;

@@ -10,6 +10,20 @@
 
 namespace yasps {
 
+// sum = what the parts have of a diagonal block of q x q numbers.
+YASPS_ALWAYS_INLINE void sum_diagonal_block(int q, int parts, const Structure* const* structures,
+                                            const double* const* values, long block, double* sum) {
+#pragma GCC unroll 9
+    for (int k = 0; k < q * q; ++k) sum[k] = 0;
+    for (int p = 0; p < parts; ++p) {
+        const long offset = structures[p]->diagonal[block];
+        if (offset < 0) continue;
+        const double* const part = values[p] + offset;
+#pragma GCC unroll 9
+        for (int k = 0; k < q * q; ++k) sum[k] += part[k];
+    }
+}
+
 // Inverts the sum of the diagonal blocks of all parts, for dof blocks [range). Returns kConverged, or why `bad_block`
 // has no inverse.
 Reason invert_diagonal(int parts, const Structure* const* structures, const double* const* values, Range range,

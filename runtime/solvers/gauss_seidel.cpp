@@ -1,0 +1,315 @@
+// The lists of products of the symmetric Gauss-Seidel preconditioner, their numbers and the sweeps.
+#include "solvers/gauss_seidel.h"
+
+#include <algorithm>
+
+#include "core/runtime.h"
+
+namespace yasps {
+namespace {
+
+typedef float f4 __attribute__((vector_size(16)));
+typedef float f4_unaligned __attribute__((vector_size(16), aligned(4), may_alias));
+
+// More pieces than threads have no use, fewer rows in one make the preconditioner worse.
+constexpr long kMostPieces = 16;
+constexpr long kFewestRows = 1024;
+
+bool is_three(const Group& group) { return group.rows == 3 && group.cols == 3; }
+
+// Cuts a list of `counts` into ranges from `first` on, and makes the counts where each begins. Returns the end.
+long begin_lists(const long* counts, long pieces, long first, Range* lists, long* next) {
+    for (long k = 0; k < pieces; ++k) {
+        lists[k] = {first, first + counts[k]};
+        next[k] = first;
+        first += counts[k];
+    }
+    return first;
+}
+
+// Visits the blocks of a part off the diagonal, (shape, number in the part, row, column).
+template <class Visit>
+void for_each_coupling(const Structure& s, Visit visit) {
+    for (int g = 0; g < s.group_count; ++g) {
+        const Group& group = s.groups[g];
+        for (long b = group.first_block; b < group.first_block + group.count; ++b)
+            if (s.row[b] != s.col[b]) visit(group, b, s.row[b], s.col[b]);
+    }
+}
+
+// Four numbers of a block from here on; the last may be another block's.
+inline d4 load_numbers(const float* p) {
+    return __builtin_convertvector(*reinterpret_cast<const f4_unaligned*>(p), d4);
+}
+
+inline void store_three(float* p, d4 v) {
+    const f4 numbers = __builtin_convertvector(v, f4);
+    memcpy(p, &numbers, 3 * sizeof(float));
+}
+
+// v += sign B x for all products of a list.
+template <int kSign>
+void multiply_list(const GaussSeidel& s, Range list, const double* x, double* v) {
+    const Product* const products = s.products.data;
+    const float* block = s.blocks.data + 9 * list.begin;
+    for (long k = list.begin; k < list.end; ++k, block += 9) {
+        const double* const from = x + products[k].from;
+        double* const to = v + products[k].to;
+        const d4 first = load_numbers(block) * from[0];
+        const d4 others = load_numbers(block + 3) * from[1] + load_numbers(block + 6) * from[2];
+        store(to, kSign > 0 ? load(to) + (first + others) : load(to) - (first + others));
+    }
+}
+
+void multiply_others(const GaussSeidel& s, Range list, const double* x, double* v) {
+    for (long k = list.begin; k < list.end; ++k) {
+        const OtherProduct& product = s.other_products[k];
+        const float* row = s.others.data + product.block;
+        const double* const from = x + product.from;
+        for (int i = 0; i < product.rows; ++i, row += product.cols) {
+            double sum = 0;
+            for (int j = 0; j < product.cols; ++j) sum += row[j] * from[j];
+            v[product.to + i] += sum;
+        }
+    }
+}
+
+// The static part's lists; they depend on its structure alone.
+void list_static(GaussSeidel& s, const Structure& structure, const Piece* pieces, long piece_count) {
+    const Layout& layout = structure.layout;
+    long* const below = s.next.data;                // [dof blocks]: products of L^T from this one
+    long* const counts = below + layout.blocks;     // [2, pieces]
+    long* const next = counts + 2 * piece_count;    // [2, pieces]
+    std::fill_n(s.next.data, layout.blocks + 4 * piece_count, 0L);
+    const auto within = [&](int row, int col) { return s.piece_of[row] == s.piece_of[col]; };
+    for_each_coupling(structure, [&](const Group& group, long, int row, int col) {
+        if (!is_three(group)) return;
+        if (within(row, col)) {
+            ++counts[s.piece_of[row]];
+            ++below[col];
+        } else {
+            ++counts[piece_count + s.piece_of[row]];
+            ++counts[piece_count + s.piece_of[col]];
+        }
+    });
+    long first = begin_lists(counts, piece_count, 0, s.down.data, next);
+    for (long k = 0; k < piece_count; ++k) {
+        s.up[k].begin = first;
+        for (long b = pieces[k].blocks.end - 1; b >= pieces[k].blocks.begin; --b) {
+            const long count = below[b];
+            below[b] = first;
+            first += count;
+        }
+        s.up[k].end = first;
+    }
+    begin_lists(counts + piece_count, piece_count, first, s.between.data, next + piece_count);
+    for_each_coupling(structure, [&](const Group& group, long block, int row, int col) {
+        if (!is_three(group)) return;
+        const int i = layout.padded_start[row], j = layout.padded_start[col];
+        const bool in = within(row, col);
+        const long straight = in ? next[s.piece_of[row]]++ : next[piece_count + s.piece_of[col]]++;
+        const long turned = in ? below[col]++ : next[piece_count + s.piece_of[row]]++;
+        s.products[straight] = {i, j};
+        s.products[turned] = {j, i};
+        s.uses[block] = {static_cast<int>(straight), static_cast<int>(turned)};
+    });
+}
+
+// The lists of the other parts, behind those of the static one, and of other shapes.
+void list_moving(GaussSeidel& s, const System& system, long first, long piece_count) {
+    const Layout& layout = system.layout();
+    long* const counts = s.next.data;             // [2, pieces]
+    long* const next = counts + 2 * piece_count;  // [2, pieces]
+    std::fill_n(counts, 4 * piece_count, 0L);
+    for (int p = 0; p < system.parts; ++p)
+        for_each_coupling(*system.structures[p], [&](const Group& group, long, int row, int col) {
+            if (is_three(group) && p == 0) return;
+            long* const of_shape = counts + (is_three(group) ? 0 : piece_count);
+            ++of_shape[s.piece_of[row]];
+            ++of_shape[s.piece_of[col]];
+        });
+    begin_lists(counts, piece_count, first, s.moving.data, next);
+    begin_lists(counts + piece_count, piece_count, 0, s.other.data, next + piece_count);
+    long number = 0, offset = 0;
+    for (int p = 0; p < system.parts; ++p) {
+        for_each_coupling(*system.structures[p], [&](const Group& group, long block, int row, int col) {
+            if (is_three(group) && p == 0) return;
+            long* const of_shape = next + (is_three(group) ? 0 : piece_count);
+            const int i = layout.padded_start[row], j = layout.padded_start[col];
+            const long straight = of_shape[s.piece_of[col]]++, turned = of_shape[s.piece_of[row]]++;
+            s.uses[number + block] = {static_cast<int>(straight), static_cast<int>(turned)};
+            if (is_three(group)) {
+                s.products[straight] = {i, j};
+                s.products[turned] = {j, i};
+                return;
+            }
+            const long size = static_cast<long>(group.rows) * group.cols;
+            s.other_products[straight] = {i, j, group.cols, group.rows, offset};
+            s.other_products[turned] = {j, i, group.rows, group.cols, offset + size};
+            offset += 2 * size;
+        });
+        number += system.structures[p]->blocks;
+    }
+}
+
+// out = C^-1 h C'^-T for a 3x3 block, its rows.
+void scale_three(const double* h, const double* wi, const double* wj, d4 (&out)[3]) {
+    const d4 h0 = load_unaligned(h), h1 = load_unaligned(h + 3), h2 = load_unaligned(h + 6);
+    const d4 a[3] = {wi[0] * h0, wi[1] * h0 + wi[5] * h1, wi[2] * h0 + wi[6] * h1 + wi[10] * h2};
+    const d4 w0 = load(wj), w1 = load(wj + 4), w2 = load(wj + 8);
+    for (int i = 0; i < 3; ++i) out[i] = a[i][0] * w0 + a[i][1] * w1 + a[i][2] * w2;
+}
+
+// The same for any shape; and its transpose.
+void scale_any(const double* h, int r, int c, const double* wi, const double* wj, float* turned, float* straight) {
+    const int rs = padded_size(r), cs = padded_size(c);
+    for (int i = 0; i < r; ++i)
+        for (int j = 0; j < c; ++j) {
+            double sum = 0;
+            for (int m = 0; m <= i; ++m) {
+                double along = 0;
+                for (int n = 0; n <= j; ++n) along += h[m * c + n] * wj[n * cs + j];
+                sum += wi[m * rs + i] * along;
+            }
+            turned[i * c + j] = straight[j * r + i] = static_cast<float>(sum);
+        }
+}
+
+}  // namespace
+
+long pieces_to_sweep(const Layout& layout) {
+    long pieces = 1;
+    while (pieces < kMostPieces && layout.blocks >= 2 * pieces * kFewestRows) pieces *= 2;
+    return pieces;
+}
+
+bool list_products(GaussSeidel& s, const System& system, const Piece* pieces, long piece_count) {
+    const Layout& layout = system.layout();
+    const Structure& fixed = *system.structures[0];
+    long threes = 0, others = 0, other_values = 0, blocks = 0, fixed_threes = 0;
+    for (int p = 0; p < system.parts; ++p) {
+        const Structure& structure = *system.structures[p];
+        for (int g = 0; g < structure.group_count; ++g) {
+            const Group& group = structure.groups[g];
+            (is_three(group) ? threes : others) += group.count;
+            if (!is_three(group)) other_values += group.count * group.rows * group.cols;
+        }
+        blocks += structure.blocks;
+        if (p == 0) fixed_threes = threes;
+    }
+    const Product* const before = s.products.data;
+    const Uses* const uses_before = s.uses.data;
+    if (!s.factors.reserve(layout.inverse_start[layout.blocks]) || !s.piece_of.reserve(layout.blocks) ||
+        !s.products.reserve(2 * threes) || !s.blocks.reserve(18 * threes + 8) || !s.other_products.reserve(2 * others) ||
+        !s.others.reserve(2 * other_values) || !s.uses.reserve(blocks) || !s.down.reserve(piece_count) ||
+        !s.up.reserve(piece_count) || !s.between.reserve(piece_count) || !s.moving.reserve(piece_count) ||
+        !s.other.reserve(piece_count) || !s.next.reserve(layout.blocks + 4 * piece_count))
+        return false;
+    const bool known = s.structure == &fixed && s.build == fixed.builds && before == s.products.data &&
+                       uses_before == s.uses.data;
+    if (!known) {
+        for (long k = 0; k < piece_count; ++k)
+            std::fill(s.piece_of.data + pieces[k].blocks.begin, s.piece_of.data + pieces[k].blocks.end,
+                      static_cast<int>(k));
+        list_static(s, fixed, pieces, piece_count);
+        s.structure = &fixed;
+        s.build = fixed.builds;
+    }
+    list_moving(s, system, 2 * fixed_threes, piece_count);
+    return true;
+}
+
+void factor_diagonal(GaussSeidel& s, const System& system, Piece& piece, double* scratch) {
+    const Layout& layout = system.layout();
+    for (long b = piece.blocks.begin; b < piece.blocks.end; ++b) {
+        const int q = layout.size[b], stride = padded_size(q);
+        sum_diagonal_block(q, system.parts, system.structures, system.values, b, scratch);
+        bool finite = true;
+        for (int i = 0; i < q * q; ++i) finite &= fabs(scratch[i]) < INFINITY;
+        const Reason status = !finite  ? kNotFinite
+                              : q == 3 ? invert_factor_of(scratch, 3)
+                                       : invert_factor_of(scratch, q);
+        if (status != kConverged) {
+            piece.bad_block = b;
+            piece.bad_status = status;
+            return;
+        }
+        double* const out = s.factors.data + layout.inverse_start[b];
+        for (int i = 0; i < q; ++i)
+            for (int j = 0; j < stride; ++j) out[i * stride + j] = j < q && j >= i ? scratch[j * q + i] : 0;
+    }
+}
+
+void scale_blocks(GaussSeidel& s, const System& system) {
+    const Layout& layout = system.layout();
+    const Uses* uses = s.uses.data;
+    for (int p = 0; p < system.parts; ++p) {
+        const Structure& structure = *system.structures[p];
+        for (int g = 0; g < structure.group_count; ++g) {
+            const Group& group = structure.groups[g];
+            const int r = group.rows, c = group.cols;
+            const Range share = piece(group.count, omp_get_thread_num(), omp_get_num_threads());
+            for (long e = share.begin; e < share.end; ++e) {
+                const long b = group.first_block + e;
+                const int row = structure.row[b], col = structure.col[b];
+                if (row == col) continue;
+                const double* const h = system.values[p] + group.first_value + e * r * c;
+                const double* const wi = s.factors.data + layout.inverse_start[row];
+                const double* const wj = s.factors.data + layout.inverse_start[col];
+                if (!is_three(group)) {
+                    scale_any(h, r, c, wi, wj, s.others.data + s.other_products[uses[b].turned].block,
+                              s.others.data + s.other_products[uses[b].straight].block);
+                    continue;
+                }
+                d4 rows[3];
+                scale_three(h, wi, wj, rows);
+                // `straight` is y[col] += transpose(h) x[row], whose columns are the rows of h.
+                float* const straight = s.blocks.data + 9L * uses[b].straight;
+                for (int i = 0; i < 3; ++i) store_three(straight + 3 * i, rows[i]);
+                float* const turned = s.blocks.data + 9L * uses[b].turned;
+                for (int i = 0; i < 3; ++i) store_three(turned + 3 * i, d4{rows[0][i], rows[1][i], rows[2][i], 0});
+            }
+        }
+        uses += structure.blocks;
+    }
+}
+
+void apply_inverse_factor(const GaussSeidel& s, const Layout& layout, const Piece& piece, double* v) {
+    for (long b = piece.blocks.begin; b < piece.blocks.end; ++b) {
+        const int q = layout.size[b], stride = padded_size(q);
+        const double* const w = s.factors.data + layout.inverse_start[b];
+        double* const x = v + layout.padded_start[b];
+        for (int i = q - 1; i >= 0; --i) {
+            double sum = 0;
+            for (int k = 0; k <= i; ++k) sum += w[k * stride + i] * x[k];
+            x[i] = sum;
+        }
+    }
+}
+
+void apply_inverse_factor_transposed(const GaussSeidel& s, const Layout& layout, const Piece& piece, double* v) {
+    for (long b = piece.blocks.begin; b < piece.blocks.end; ++b) {
+        const int q = layout.size[b], stride = padded_size(q);
+        const double* const w = s.factors.data + layout.inverse_start[b];
+        double* const x = v + layout.padded_start[b];
+        for (int i = 0; i < q; ++i) {
+            double sum = 0;
+            for (int k = i; k < q; ++k) sum += w[i * stride + k] * x[k];
+            x[i] = sum;
+        }
+    }
+}
+
+void solve_upper(const GaussSeidel& s, long k, double* v) { multiply_list<-1>(s, s.up[k], v, v); }
+
+void solve_lower(const GaussSeidel& s, long k, double* v) { multiply_list<-1>(s, s.down[k], v, v); }
+
+void add_between(const GaussSeidel& s, long k, const double* t, double* v) {
+    multiply_list<1>(s, s.between[k], t, v);
+    multiply_list<1>(s, s.moving[k], t, v);
+    multiply_others(s, s.other[k], t, v);
+}
+
+void add_lower(const GaussSeidel& s, long k, const double* x, double* v) { multiply_list<1>(s, s.down[k], x, v); }
+
+}  // namespace yasps

@@ -1,0 +1,80 @@
+// Symmetric block Gauss-Seidel as preconditioner: M = (D + L) D^-1 (D + L)^T, D the diagonal blocks of H. L is what lies
+// below them in the static part, of 3x3 blocks and within a piece, so that pieces sweep side by side.
+//
+// Conjugate gradients run on (D + L)^-1 H (D + L)^-T, of which a product takes two sweeps and no product with H
+// (Eisenstat 1981, Efficient implementation of a class of preconditioned conjugate gradient methods, SIAM J. Sci. Stat.
+// Comput. 2). With C C^T = D the system is first scaled to H' = C^-1 H C^-T, x' = C^T x, g' = C^-1 g. H' has unit
+// diagonal blocks; in it L is part of a unit lower triangle and E all else that lies off the diagonal. So for
+// t = (I + L)^-T p:
+//     (I + L)^-1 H' (I + L)^-T p = t + (I + L)^-1 (p - t + E t).
+// Vectors of that system are called swept. The residual r' is (I + L) times the swept one, and |r'|^2 = r^T D^-1 r.
+//
+// H' is stored as a list of products y += B x in the order in which they are needed, each block of the upper triangle
+// twice. Sweeps scatter what they have found: when it is a row's turn, its number is complete. So a sweep is a loop
+// without branches.
+#pragma once
+
+#include "core/runtime.h"
+#include "solvers/pieces.h"
+
+namespace yasps {
+
+// y += B x for a 3x3 block; offsets into padded vectors.
+struct Product {
+    int from, to;
+};
+
+// The same for any other shape.
+struct OtherProduct {
+    int from, to, rows, cols;
+    long block;  // where its rows begin in `others`
+};
+
+// The products that one block off the diagonal, and its transpose, are for; of the list for its shape.
+struct Uses {
+    int straight, turned;
+};
+
+struct GaussSeidel {
+    Buffer<double> factors;  // C^-T of each diagonal block, rows padded
+    Buffer<int> piece_of;    // [dof blocks]
+    Buffer<Product> products;
+    Buffer<float> blocks;  // [products, 9], columns of B
+    Buffer<OtherProduct> other_products;
+    Buffer<float> others;
+    Buffer<Uses> uses;               // of the blocks of all parts, one part after another
+    Buffer<Range> down, up, between;  // [pieces]: products of L, of its transpose, and of E in the static part
+    Buffer<Range> moving;             // [pieces]: of the other parts
+    Buffer<Range> other;              // [pieces]: of other shapes, all parts
+    Buffer<long> next;                // scratch
+
+    // What the lists of the static part were made for.
+    const Structure* structure = nullptr;
+    long build = 0;
+};
+
+// How many pieces a system is cut into: as many whatever the number of threads is.
+long pieces_to_sweep(const Layout& layout);
+// Lists all products, before the region. False: out of memory.
+bool list_products(GaussSeidel& s, const System& system, const Piece* pieces, long piece_count);
+
+// Finds C^-T of this piece's diagonal blocks. scratch: the square of the largest block.
+void factor_diagonal(GaussSeidel& s, const System& system, Piece& piece, double* scratch);
+// Fills in this thread's share of H', once all factors are there.
+void scale_blocks(GaussSeidel& s, const System& system);
+
+// v = C^-1 v and v = C^-T v for a piece's share.
+void apply_inverse_factor(const GaussSeidel& s, const Layout& layout, const Piece& piece, double* v);
+void apply_inverse_factor_transposed(const GaussSeidel& s, const Layout& layout, const Piece& piece, double* v);
+
+// For the piece number k; numbers in gaps of padded vectors lose their meaning.
+// v = (I + L)^-T v
+void solve_upper(const GaussSeidel& s, long k, double* v);
+// v = (I + L)^-1 v
+void solve_lower(const GaussSeidel& s, long k, double* v);
+// v += E t
+void add_between(const GaussSeidel& s, long k, const double* t, double* v);
+// v += L x
+void add_lower(const GaussSeidel& s, long k, const double* x, double* v);
+
+}  // namespace yasps

@@ -1,0 +1,87 @@
+// Memory of a solve and its pieces, shared by both forms of conjugate gradients.
+#pragma once
+
+#include "core/runtime.h"
+#include "solvers/coarse_space.h"
+#include "solvers/gauss_seidel.h"
+#include "solvers/pieces.h"
+
+namespace yasps {
+
+// Memory of the solver, kept between solves.
+struct Workspace {
+    Buffer<double> x, g, residual, direction, preconditioned;  // padded vectors
+    Buffer<double> products;                                   // of all pieces, one after another
+    Buffer<double> inverse;                                    // inverted diagonal blocks
+    Buffer<double> scratch;                                    // one diagonal block per piece
+    Buffer<Piece> pieces;
+    CoarseSpace coarse;
+    GaussSeidel sweeps;
+    Buffer<double> start;  // padded: the start vector, and what was found since
+    long piece_count = 0;
+};
+
+// Layout shared with runtime/solvers/pcg.py.
+struct SolveResult {
+    long iterations;
+    double relative_residual;
+    long reason;
+    long block;   // scalar offset of the diagonal block to blame, or -1
+    long coarse;  // 1: with the coarse space, -1: it was asked for and is not positive definite, else 0
+};
+
+// As PRECONDITIONERS in runtime/solvers/pcg.py.
+enum Preconditioner : int { kJacobi = 0, kTwoLevel = 1, kGaussSeidel = 2 };
+
+struct Options {
+    double tolerance;
+    long max_iterations;
+    double* history;  // [max_iterations + 1] or null
+    bool coarse;      // with the coarse space
+};
+
+// The pieces of one thread.
+struct ThreadShare {
+    Piece *first, *last;
+    Piece* begin() const { return first; }
+    Piece* end() const { return last; }
+};
+
+inline ThreadShare share_of_thread(Workspace& w) {
+    const Range range = piece(w.piece_count, omp_get_thread_num(), omp_get_num_threads());
+    return {w.pieces.data + range.begin, w.pieces.data + range.end};
+}
+
+inline void clear(double* vector, long begin, long end) {
+    if (end > begin) memset(vector + begin, 0, static_cast<size_t>(end - begin) * sizeof(double));
+}
+
+// product += H x for the rows of a piece; complete once gather has run after a barrier.
+inline void multiply_piece(const System& system, const Piece& p, const double* x) {
+    for (int part = 0; part < system.parts; ++part)
+        multiply_rows(*system.structures[part], system.values[part], p.own, x, p.product);
+}
+
+// Adds what the rows of earlier pieces found for this one, in their order, and empties that. Later pieces write only
+// to the right of their first row, since only the upper triangle is stored.
+inline void gather(const Workspace& w, const Piece& p) {
+    for (const Piece* from = w.pieces.data; from != &p; ++from) {
+        const long end = from->reach < p.own.end ? from->reach : p.own.end;
+        for (long i = p.own.begin; i < end; i += 4) {
+            store(p.product + i, load(p.product + i) + load(from->product + i));
+            store(from->product + i, d4{});
+        }
+    }
+}
+
+inline double total(const Workspace& w, int which) {
+    double sum = 0;
+    for (long k = 0; k < w.piece_count; ++k) sum += w.pieces[k].sums[which];
+    return sum;
+}
+
+// The body of the parallel region with the sweeps as preconditioner; pcg.cpp has the one with block Jacobi.
+void iterate_swept(Workspace& w, const System& system, const Options& options, const double* g, const double* x0,
+                   double* x, SolveResult* result);
+
+}  // namespace yasps
