@@ -118,7 +118,7 @@ void iterate_swept(Workspace& w, const System& system, const Options& options, c
         p.sums[1] = largest;
         factor_diagonal(w.sweeps, system, p, w.scratch.data + number_of(p) * layout.largest * layout.largest);
     }
-#pragma omp barrier
+    w.barrier.wait();
     if (total(w, 0) > 0) return stop(0, NAN, kNotFinite, -1);
     if (total(w, 1) == 0) {
         for (const Piece& p : share) clear(w.start.data, p.own.begin, p.own.end);
@@ -131,13 +131,13 @@ void iterate_swept(Workspace& w, const System& system, const Options& options, c
     }
 
     scale_blocks(w.sweeps, system);
-#pragma omp barrier
+    w.barrier.wait();
     double reference = 0;
     for (long iteration = 0, begun = 0;; ++begun) {
         // The true residual.
         if (begun > 0 || x0 != nullptr) {
             for (const Piece& p : share) multiply_piece(system, p, w.start.data);
-#pragma omp barrier
+            w.barrier.wait();
         }
         for (Piece& p : share) {
             if (begun > 0 || x0 != nullptr) gather(w, p);
@@ -153,7 +153,7 @@ void iterate_swept(Workspace& w, const System& system, const Options& options, c
                 pack(layout, p.blocks, g, w.g.data);
             }
         }
-#pragma omp barrier
+        w.barrier.wait();
         double damped = total(w, 0);  // |r'|^2 = r^T D^-1 r
         if (begun == 0) reference = total(w, 1);
         const double truly = damped / reference;
@@ -172,7 +172,7 @@ void iterate_swept(Workspace& w, const System& system, const Options& options, c
             });
             p.sums[2] = sum_of(sums);
         }
-#pragma omp barrier
+        w.barrier.wait();
         double swept = total(w, 2), mix = 0;
         double ratio = damped / swept;
         double relative = truly;
@@ -180,9 +180,9 @@ void iterate_swept(Workspace& w, const System& system, const Options& options, c
         for (long since = 0; relative > kAim * options.tolerance; ++since) {
             if (iteration == options.max_iterations) break;
             for (const Piece& p : share) step_direction(w, p, number_of(p), mix);
-#pragma omp barrier
+            w.barrier.wait();
             for (Piece& p : share) p.sums[0] = multiply_swept(w, layout, p, number_of(p));
-#pragma omp barrier
+            w.barrier.wait();
             const double curvature = total(w, 0);
             if (!(curvature > 0 && curvature < INFINITY)) {
                 const bool indefinite = curvature <= 0 && curvature > -INFINITY;
@@ -200,7 +200,7 @@ void iterate_swept(Workspace& w, const System& system, const Options& options, c
                 }
                 p.sums[1] = sum_of(sums);
             }
-#pragma omp barrier
+            w.barrier.wait();
             const double next = total(w, 1);
             mix = next / swept;
             swept = next;
@@ -210,7 +210,7 @@ void iterate_swept(Workspace& w, const System& system, const Options& options, c
                                since % kSeldom == kSeldom - 1 || !(relative < INFINITY);
             if (looks) {
                 for (Piece& p : share) p.sums[0] = squared_residual(w, layout, p, number_of(p));
-#pragma omp barrier
+                w.barrier.wait();
                 relative = total(w, 0) / reference;
                 if (!(relative < INFINITY)) {
                     for (const Piece& p : share) take_solution(w, layout, p);
@@ -224,7 +224,7 @@ void iterate_swept(Workspace& w, const System& system, const Options& options, c
             take_solution(w, layout, p);
             clear(p.product, p.own.begin, p.own.end);
         }
-#pragma omp barrier
+        w.barrier.wait();
     }
 }
 

@@ -2,6 +2,7 @@
 #pragma once
 
 #include "core/runtime.h"
+#include "core/team_barrier.h"
 #include "solvers/coarse_space.h"
 #include "solvers/gauss_seidel.h"
 #include "solvers/pieces.h"
@@ -16,6 +17,7 @@ struct Workspace {
     Buffer<double> scratch;                                    // one diagonal block per piece
     Buffer<Piece> pieces;
     CoarseSpace coarse;
+    TeamBarrier barrier;
     GaussSeidel sweeps;
     Buffer<double> start;  // padded: the start vector, and what was found since
     long piece_count = 0;
