@@ -8,6 +8,8 @@
 
 #include "core/runtime.h"
 #include "solvers/workspace.h"
+
+namespace yasps {
 namespace {
 
 // What the rows before this dof block cost, in doubles that pass through the processor.
