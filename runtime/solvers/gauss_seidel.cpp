@@ -152,6 +152,24 @@ void list_moving(GaussSeidel& s, const System& system, long first, long piece_co
     }
 }
 
+// C^-T of a diagonal block; inlined into one function for 3x3, in which loops over q are unrolled.
+YASPS_ALWAYS_INLINE Reason factor_block(int q, const System& system, long block, double* out, double* scratch) {
+    sum_diagonal_block(q, system.parts, system.structures, system.values, block, scratch);
+    bool finite = true;
+#pragma GCC unroll 9
+    for (int i = 0; i < q * q; ++i) finite &= fabs(scratch[i]) < INFINITY;
+    if (!finite) return kNotFinite;
+    const Reason status = invert_factor_of(scratch, q);
+    if (status != kConverged) return status;
+    const int stride = padded_size(q);
+#pragma GCC unroll 3
+    for (int i = 0; i < q; ++i) {
+#pragma GCC unroll 4
+        for (int j = 0; j < stride; ++j) out[i * stride + j] = j < q && j >= i ? scratch[j * q + i] : 0;
+    }
+    return kConverged;
+}
+
 // out = C^-1 h C'^-T for a 3x3 block, its rows.
 void scale_three(const double* h, const double* wi, const double* wj, d4 (&out)[3]) {
     const d4 h0 = load_unaligned(h), h1 = load_unaligned(h + 3), h2 = load_unaligned(h + 6);
@@ -176,6 +194,12 @@ void scale_any(const double* h, int r, int c, const double* wi, const double* wj
 }
 
 }  // namespace
+
+bool can_sweep(const Structure& structure) {
+    long couplings = 0;
+    for_each_coupling(structure, [&](const Group& group, long, int, int) { couplings += is_three(group); });
+    return couplings >= structure.layout.blocks;
+}
 
 long pieces_to_sweep(const Layout& layout) {
     long pieces = 1;
@@ -222,21 +246,14 @@ bool list_products(GaussSeidel& s, const System& system, const Piece* pieces, lo
 void factor_diagonal(GaussSeidel& s, const System& system, Piece& piece, double* scratch) {
     const Layout& layout = system.layout();
     for (long b = piece.blocks.begin; b < piece.blocks.end; ++b) {
-        const int q = layout.size[b], stride = padded_size(q);
-        sum_diagonal_block(q, system.parts, system.structures, system.values, b, scratch);
-        bool finite = true;
-        for (int i = 0; i < q * q; ++i) finite &= fabs(scratch[i]) < INFINITY;
-        const Reason status = !finite  ? kNotFinite
-                              : q == 3 ? invert_factor_of(scratch, 3)
-                                       : invert_factor_of(scratch, q);
-        if (status != kConverged) {
-            piece.bad_block = b;
-            piece.bad_status = status;
-            return;
-        }
+        const int q = layout.size[b];
         double* const out = s.factors.data + layout.inverse_start[b];
-        for (int i = 0; i < q; ++i)
-            for (int j = 0; j < stride; ++j) out[i * stride + j] = j < q && j >= i ? scratch[j * q + i] : 0;
+        double small[9];
+        const Reason status = q == 3 ? factor_block(3, system, b, out, small) : factor_block(q, system, b, out, scratch);
+        if (status == kConverged) continue;
+        piece.bad_block = b;
+        piece.bad_status = status;
+        return;
     }
 }
 

@@ -53,6 +53,8 @@ struct GaussSeidel {
     long build = 0;
 };
 
+// Whether the static part couples enough 3x3 blocks.
+bool can_sweep(const Structure& structure);
 // How many pieces a system is cut into: as many whatever the number of threads is.
 long pieces_to_sweep(const Layout& layout);
 // Lists all products, before the region. False: out of memory.

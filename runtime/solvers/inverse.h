@@ -5,8 +5,8 @@
 
 namespace yasps {
 
-// Why a solve ended; StopReason in runtime/solvers/pcg.py.
-enum Reason : long { kConverged = 0, kMaxIterations = 1, kNotPositiveDefinite = 2, kNotFinite = 3 };
+// Why a solve ended; StopReason in runtime/solvers/pcg.py. Only sweeps have too few digits, and others take over.
+enum Reason : long { kConverged = 0, kMaxIterations = 1, kNotPositiveDefinite = 2, kNotFinite = 3, kTooFewDigits = 4 };
 
 // a (q x q, row-major, lower triangle used) becomes the inverse of its Cholesky factor. Returns kConverged, or why not.
 // Size: int, or what is a constant of that type.

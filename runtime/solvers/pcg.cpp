@@ -60,17 +60,6 @@ bool cut_pieces(Workspace& w, const System& system, long pieces, const System& w
     return true;
 }
 
-double dot(Range range, const double* a, const double* b) {
-    d4 first = {}, second = {};
-    long i = range.begin;
-    for (; i + 8 <= range.end; i += 8) {
-        first += load(a + i) * load(b + i);
-        second += load(a + i + 4) * load(b + i + 4);
-    }
-    for (; i < range.end; i += 4) first += load(a + i) * load(b + i);
-    return sum_of(first + second);
-}
-
 // z = M^-1 r for some dof blocks; returns their share of r^T z.
 double precondition(const Workspace& w, const Layout& layout, Range blocks, const double* r, double* z) {
     d4 sums = {};
@@ -180,26 +169,6 @@ void invert_diagonal_of(Workspace& w, const System& system, Piece& p) {
     if (p.bad_status != kConverged) p.bad_block = bad;
 }
 
-// Vectors of a piece before the first iteration; its two sums become whether g is not finite, and its largest entry.
-void start_piece(Workspace& w, const System& system, const double* g, const double* x0, Piece& p) {
-    invert_diagonal_of(w, system, p);
-    pack(system.layout(), p.blocks, g, w.g.data);
-    if (x0 != nullptr)
-        pack(system.layout(), p.blocks, x0, w.x.data);
-    else
-        clear(w.x.data, p.own.begin, p.own.end);
-    clear(p.product, p.own.begin, p.reach);
-    double largest = 0;
-    bool finite = true;
-    for (long i = p.own.begin; i < p.own.end; ++i) {
-        const double magnitude = fabs(w.g[i]);
-        finite = finite && magnitude < INFINITY;
-        if (magnitude > largest) largest = magnitude;
-    }
-    p.sums[0] = finite ? 0 : 1;
-    p.sums[1] = largest;
-}
-
 // Makes the coarse space ready for this system, by all threads together. False where that is impossible.
 bool start_coarse(Workspace& w, const System& system, const ThreadShare& share) {
     for (const Piece& p : share) place_blocks(w.coarse, *system.structures[0], w.inverse.data, p.blocks);
@@ -219,18 +188,17 @@ void iterate(Workspace& w, const System& system, const Options& options, const d
         for (const Piece& p : share) unpack(layout, p.blocks, w.x.data, x);
     };
 
-    for (Piece& p : share) start_piece(w, system, g, x0, p);
+    for (Piece& p : share) {
+        start_vectors(w, layout, g, x0, w.x.data, p);
+        invert_diagonal_of(w, system, p);
+    }
     w.barrier.wait();
     if (total(w, 0) > 0) return stop(0, NAN, kNotFinite, -1);
     if (total(w, 1) == 0) {
         for (const Piece& p : share) clear(w.x.data, p.own.begin, p.own.end);
         return stop(0, 0, kConverged, -1);
     }
-    for (long k = 0; k < w.piece_count; ++k) {
-        const Piece& p = w.pieces[k];
-        if (p.bad_block < 0) continue;
-        return stop(0, NAN, p.bad_status, layout.start[p.bad_block]);
-    }
+    if (const Piece* const bad = first_bad(w)) return stop(0, NAN, bad->bad_status, layout.start[bad->bad_block]);
 
     if (x0 != nullptr)
         for (const Piece& p : share) multiply_piece(system, p, w.x.data);
@@ -327,16 +295,26 @@ yasps::Workspace* yasps_workspace_new() { return new (std::nothrow) yasps::Works
 void yasps_workspace_free(yasps::Workspace* w) { delete w; }
 
 // Solves (sum of parts) x = g. All parts have the same layout. x0 and history may be null. preconditioner: see
-// Preconditioner. Results are the same for the same number of pieces, whatever the number of threads.
+// Preconditioner; without anything to sweep, and where the sweeps have too few digits, block Jacobi takes over. Results are the same for the same number of pieces, whatever the number of threads.
 int yasps_solve(yasps::Workspace* w, int parts, const yasps::Structure* const* structures, const double* const* values,
                 const double* g, const double* x0, double* x, double tolerance, long max_iterations, int preconditioner,
                 double* history, int threads, int pieces, yasps::SolveResult* result) {
     const yasps::System system = {parts, structures, values};
-    if (!yasps::reserve(*w, system, pieces, threads, preconditioner)) return yasps::kOutOfMemory;
-    const yasps::Options options = {tolerance, max_iterations, history, preconditioner == yasps::kTwoLevel};
-    const auto iterate = preconditioner == yasps::kGaussSeidel ? yasps::iterate_swept : yasps::iterate;
+    const auto run = [&](int with, const double* start, long most, double* trace) {
+        if (!yasps::reserve(*w, system, pieces, threads, with)) return false;
+        const yasps::Options options = {tolerance, most, trace, with == yasps::kTwoLevel};
+        const auto iterate = with == yasps::kGaussSeidel ? yasps::iterate_swept : yasps::iterate;
 #pragma omp parallel num_threads(threads)
-    iterate(*w, system, options, g, x0, x, result);
+        iterate(*w, system, options, g, start, x, result);
+        return true;
+    };
+    const bool idle = preconditioner == yasps::kGaussSeidel && !yasps::can_sweep(*structures[0]);
+    if (!run(idle ? yasps::kJacobi : preconditioner, x0, max_iterations, history)) return yasps::kOutOfMemory;
+    if (result->reason != yasps::kTooFewDigits) return yasps::kOk;
+    const long done = result->iterations;
+    if (!run(yasps::kJacobi, x, max_iterations - done, history != nullptr ? history + done : nullptr))
+        return yasps::kOutOfMemory;
+    result->iterations += done;
     return yasps::kOk;
 }
 

@@ -82,6 +82,44 @@ inline double total(const Workspace& w, int which) {
     return sum;
 }
 
+inline double dot(Range range, const double* a, const double* b) {
+    d4 first = {}, second = {};
+    long i = range.begin;
+    for (; i + 8 <= range.end; i += 8) {
+        first += load(a + i) * load(b + i);
+        second += load(a + i + 4) * load(b + i + 4);
+    }
+    for (; i < range.end; i += 4) first += load(a + i) * load(b + i);
+    return sum_of(first + second);
+}
+
+// Vectors of a piece before the first iteration, x in `to`; two of its sums become whether g is not finite, and its
+// largest entry.
+inline void start_vectors(Workspace& w, const Layout& layout, const double* g, const double* x, double* to, Piece& p) {
+    pack(layout, p.blocks, g, w.g.data);
+    if (x != nullptr)
+        pack(layout, p.blocks, x, to);
+    else
+        clear(to, p.own.begin, p.own.end);
+    clear(p.product, p.own.begin, p.reach);
+    double largest = 0;
+    bool finite = true;
+    for (long i = p.own.begin; i < p.own.end; ++i) {
+        const double magnitude = fabs(w.g[i]);
+        finite = finite && magnitude < INFINITY;
+        if (magnitude > largest) largest = magnitude;
+    }
+    p.sums[0] = finite ? 0 : 1;
+    p.sums[1] = largest;
+}
+
+// The first piece with a diagonal block that cannot be inverted, or null.
+inline const Piece* first_bad(const Workspace& w) {
+    for (const Piece* p = w.pieces.data; p != w.pieces.data + w.piece_count; ++p)
+        if (p->bad_block >= 0) return p;
+    return nullptr;
+}
+
 // The body of the parallel region with the sweeps as preconditioner; pcg.cpp has the one with block Jacobi.
 void iterate_swept(Workspace& w, const System& system, const Options& options, const double* g, const double* x0,
                    double* x, SolveResult* result);
