@@ -13,9 +13,14 @@ typedef float f4_unaligned __attribute__((vector_size(16), aligned(4), may_alias
 
 // More pieces than threads have no use, fewer rows in one make the preconditioner worse.
 constexpr long kMostPieces = 16;
-constexpr long kFewestRows = 1024;
+constexpr long kFewestRows = 100000;
+// What `Product` and `Uses` can number.
+constexpr long kMostProducts = 2147483647;
 
 bool is_three(const Group& group) { return group.rows == 3 && group.cols == 3; }
+
+// Of a third part, which nobody has, all blocks are products of other shapes.
+bool is_swept(const Group& group, int part) { return is_three(group) && part < 2; }
 
 // Cuts a list of `counts` into ranges from `first` on, and makes the counts where each begins. Returns the end.
 long begin_lists(const long* counts, long pieces, long first, Range* lists, long* next) {
@@ -61,6 +66,18 @@ void multiply_list(const GaussSeidel& s, Range list, const double* x, double* v)
     }
 }
 
+// v -= B v for the products of both parts, those from one row after those to it.
+void solve_in_turn(const GaussSeidel& s, Range fixed, Range moving, Range stops, double* v) {
+    for (long k = stops.begin; k < stops.end; ++k) {
+        const Stop stop = s.stops[k];
+        multiply_list<-1>(s, {fixed.begin, stop.fixed}, v, v);
+        multiply_list<-1>(s, {moving.begin, stop.moving}, v, v);
+        fixed.begin = stop.fixed;
+        moving.begin = stop.moving;
+    }
+    multiply_list<-1>(s, fixed, v, v);
+}
+
 void multiply_others(const GaussSeidel& s, Range list, const double* x, double* v) {
     for (long k = list.begin; k < list.end; ++k) {
         const OtherProduct& product = s.other_products[k];
@@ -74,81 +91,100 @@ void multiply_others(const GaussSeidel& s, Range list, const double* x, double* 
     }
 }
 
-// The static part's lists; they depend on its structure alone.
-void list_static(GaussSeidel& s, const Structure& structure, const Piece* pieces, long piece_count) {
-    const Layout& layout = structure.layout;
-    long* const below = s.next.data;                // [dof blocks]: products of L^T from this one
-    long* const counts = below + layout.blocks;     // [2, pieces]
-    long* const next = counts + 2 * piece_count;    // [2, pieces]
-    std::fill_n(s.next.data, layout.blocks + 4 * piece_count, 0L);
-    const auto within = [&](int row, int col) { return s.piece_of[row] == s.piece_of[col]; };
+// Lists what a part's 3x3 blocks are for, from product `first` on; `uses` are those of its blocks. Returns the end.
+long list_part(GaussSeidel& s, Lists& lists, Uses* uses, const Structure& structure, const Layout& layout,
+               const Piece* pieces, long piece_count, long first) {
+    int *const down = lists.down_end.data, *const up = lists.up_end.data;
+    long* const counts = s.next.data;         // [pieces]
+    long* const next = counts + piece_count;  // [pieces]
+    std::fill_n(counts, piece_count, 0L);
+    std::fill_n(down, layout.blocks, 0);
+    std::fill_n(up, layout.blocks, 0);
     for_each_coupling(structure, [&](const Group& group, long, int row, int col) {
         if (!is_three(group)) return;
-        if (within(row, col)) {
-            ++counts[s.piece_of[row]];
-            ++below[col];
+        if (s.piece_of[row] == s.piece_of[col]) {
+            ++down[row];
+            ++up[col];
         } else {
-            ++counts[piece_count + s.piece_of[row]];
-            ++counts[piece_count + s.piece_of[col]];
+            ++counts[s.piece_of[row]];
+            ++counts[s.piece_of[col]];
         }
     });
-    long first = begin_lists(counts, piece_count, 0, s.down.data, next);
+    const auto begin_block = [&](int& of_block) {
+        const int count = of_block;
+        of_block = static_cast<int>(first);
+        first += count;
+    };
     for (long k = 0; k < piece_count; ++k) {
-        s.up[k].begin = first;
-        for (long b = pieces[k].blocks.end - 1; b >= pieces[k].blocks.begin; --b) {
-            const long count = below[b];
-            below[b] = first;
-            first += count;
-        }
-        s.up[k].end = first;
+        const Range blocks = pieces[k].blocks;
+        lists.down[k].begin = first;
+        for (long b = blocks.begin; b < blocks.end; ++b) begin_block(down[b]);
+        lists.down[k].end = lists.up[k].begin = first;
+        for (long b = blocks.end - 1; b >= blocks.begin; --b) begin_block(up[b]);
+        lists.up[k].end = first;
     }
-    begin_lists(counts + piece_count, piece_count, first, s.between.data, next + piece_count);
+    first = begin_lists(counts, piece_count, first, lists.between.data, next);
     for_each_coupling(structure, [&](const Group& group, long block, int row, int col) {
         if (!is_three(group)) return;
         const int i = layout.padded_start[row], j = layout.padded_start[col];
-        const bool in = within(row, col);
-        const long straight = in ? next[s.piece_of[row]]++ : next[piece_count + s.piece_of[col]]++;
-        const long turned = in ? below[col]++ : next[piece_count + s.piece_of[row]]++;
+        const bool within = s.piece_of[row] == s.piece_of[col];
+        const int straight = within ? down[row]++ : static_cast<int>(next[s.piece_of[col]]++);
+        const int turned = within ? up[col]++ : static_cast<int>(next[s.piece_of[row]]++);
         s.products[straight] = {i, j};
         s.products[turned] = {j, i};
-        s.uses[block] = {static_cast<int>(straight), static_cast<int>(turned)};
+        uses[block] = {straight, turned};
     });
+    return first;
 }
 
-// The lists of the other parts, behind those of the static one, and of other shapes.
-void list_moving(GaussSeidel& s, const System& system, long first, long piece_count) {
+// Where the sweeps change from one part's lists to the other's.
+void list_stops(GaussSeidel& s, const Piece* pieces, long piece_count) {
+    long count = 0;
+    for (long k = 0; k < piece_count; ++k) {
+        const Range blocks = pieces[k].blocks;
+        const auto visit = [&](long b, const Buffer<int>& fixed, const Buffer<int>& moving, long& taken) {
+            if (moving[b] == taken) return;
+            s.stops[count++] = {fixed[b], moving[b]};
+            taken = moving[b];
+        };
+        s.down_stops[k].begin = count;
+        long taken = s.moving.down[k].begin;
+        for (long b = blocks.begin; b < blocks.end; ++b) visit(b, s.fixed.down_end, s.moving.down_end, taken);
+        s.down_stops[k].end = s.up_stops[k].begin = count;
+        taken = s.moving.up[k].begin;
+        for (long b = blocks.end - 1; b >= blocks.begin; --b) visit(b, s.fixed.up_end, s.moving.up_end, taken);
+        s.up_stops[k].end = count;
+    }
+}
+
+// The products of other shapes.
+void list_others(GaussSeidel& s, const System& system, long piece_count) {
     const Layout& layout = system.layout();
-    long* const counts = s.next.data;             // [2, pieces]
-    long* const next = counts + 2 * piece_count;  // [2, pieces]
-    std::fill_n(counts, 4 * piece_count, 0L);
+    long* const counts = s.next.data;         // [pieces]
+    long* const next = counts + piece_count;  // [pieces]
+    std::fill_n(counts, piece_count, 0L);
     for (int p = 0; p < system.parts; ++p)
         for_each_coupling(*system.structures[p], [&](const Group& group, long, int row, int col) {
-            if (is_three(group) && p == 0) return;
-            long* const of_shape = counts + (is_three(group) ? 0 : piece_count);
-            ++of_shape[s.piece_of[row]];
-            ++of_shape[s.piece_of[col]];
+            if (is_swept(group, p)) return;
+            ++counts[s.piece_of[row]];
+            ++counts[s.piece_of[col]];
         });
-    begin_lists(counts, piece_count, first, s.moving.data, next);
-    begin_lists(counts + piece_count, piece_count, 0, s.other.data, next + piece_count);
-    long number = 0, offset = 0;
+    begin_lists(counts, piece_count, 0, s.other.data, next);
+    long offset = 0;
+    Uses* uses = s.uses.data;
     for (int p = 0; p < system.parts; ++p) {
         for_each_coupling(*system.structures[p], [&](const Group& group, long block, int row, int col) {
-            if (is_three(group) && p == 0) return;
-            long* const of_shape = next + (is_three(group) ? 0 : piece_count);
+            if (is_swept(group, p)) return;
             const int i = layout.padded_start[row], j = layout.padded_start[col];
-            const long straight = of_shape[s.piece_of[col]]++, turned = of_shape[s.piece_of[row]]++;
-            s.uses[number + block] = {static_cast<int>(straight), static_cast<int>(turned)};
-            if (is_three(group)) {
-                s.products[straight] = {i, j};
-                s.products[turned] = {j, i};
-                return;
-            }
+            const int straight = static_cast<int>(next[s.piece_of[col]]++);
+            const int turned = static_cast<int>(next[s.piece_of[row]]++);
             const long size = static_cast<long>(group.rows) * group.cols;
             s.other_products[straight] = {i, j, group.cols, group.rows, offset};
             s.other_products[turned] = {j, i, group.rows, group.cols, offset + size};
+            uses[block] = {straight, turned};
             offset += 2 * size;
         });
-        number += system.structures[p]->blocks;
+        uses += system.structures[p]->blocks;
     }
 }
 
@@ -210,36 +246,45 @@ long pieces_to_sweep(const Layout& layout) {
 bool list_products(GaussSeidel& s, const System& system, const Piece* pieces, long piece_count) {
     const Layout& layout = system.layout();
     const Structure& fixed = *system.structures[0];
-    long threes = 0, others = 0, other_values = 0, blocks = 0, fixed_threes = 0;
+    long threes = 0, others = 0, other_values = 0, blocks = 0;
     for (int p = 0; p < system.parts; ++p) {
         const Structure& structure = *system.structures[p];
         for (int g = 0; g < structure.group_count; ++g) {
             const Group& group = structure.groups[g];
-            (is_three(group) ? threes : others) += group.count;
-            if (!is_three(group)) other_values += group.count * group.rows * group.cols;
+            (is_swept(group, p) ? threes : others) += group.count;
+            if (!is_swept(group, p)) other_values += group.count * group.rows * group.cols;
         }
         blocks += structure.blocks;
-        if (p == 0) fixed_threes = threes;
     }
+    if (2 * std::max(threes, others) > kMostProducts) return false;
     const Product* const before = s.products.data;
     const Uses* const uses_before = s.uses.data;
-    if (!s.factors.reserve(layout.inverse_start[layout.blocks]) || !s.piece_of.reserve(layout.blocks) ||
-        !s.products.reserve(2 * threes) || !s.blocks.reserve(18 * threes + 8) || !s.other_products.reserve(2 * others) ||
-        !s.others.reserve(2 * other_values) || !s.uses.reserve(blocks) || !s.down.reserve(piece_count) ||
-        !s.up.reserve(piece_count) || !s.between.reserve(piece_count) || !s.moving.reserve(piece_count) ||
-        !s.other.reserve(piece_count) || !s.next.reserve(layout.blocks + 4 * piece_count))
-        return false;
+    const auto reserve = [&](Lists& lists) {
+        return lists.down.reserve(piece_count) && lists.up.reserve(piece_count) && lists.between.reserve(piece_count) &&
+               lists.down_end.reserve(layout.blocks) && lists.up_end.reserve(layout.blocks);
+    };
+    const bool room = s.factors.reserve(layout.inverse_start[layout.blocks]) && s.piece_of.reserve(layout.blocks) &&
+                      s.products.reserve(2 * threes) && s.blocks.reserve(18 * threes + 8) &&
+                      s.other_products.reserve(2 * others) && s.others.reserve(2 * other_values) &&
+                      s.uses.reserve(blocks) && reserve(s.fixed) && reserve(s.moving) &&
+                      s.stops.reserve(2 * layout.blocks) && s.down_stops.reserve(piece_count) &&
+                      s.up_stops.reserve(piece_count) && s.other.reserve(piece_count) && s.next.reserve(2 * piece_count);
+    if (!room) return false;
     const bool known = s.structure == &fixed && s.build == fixed.builds && before == s.products.data &&
                        uses_before == s.uses.data;
     if (!known) {
         for (long k = 0; k < piece_count; ++k)
             std::fill(s.piece_of.data + pieces[k].blocks.begin, s.piece_of.data + pieces[k].blocks.end,
                       static_cast<int>(k));
-        list_static(s, fixed, pieces, piece_count);
+        s.fixed_end = list_part(s, s.fixed, s.uses.data, fixed, layout, pieces, piece_count, 0);
         s.structure = &fixed;
         s.build = fixed.builds;
     }
-    list_moving(s, system, 2 * fixed_threes, piece_count);
+    static const Structure none;
+    const Structure& moving = system.parts > 1 ? *system.structures[1] : none;
+    list_part(s, s.moving, s.uses.data + fixed.blocks, moving, layout, pieces, piece_count, s.fixed_end);
+    list_stops(s, pieces, piece_count);
+    list_others(s, system, piece_count);
     return true;
 }
 
@@ -273,7 +318,7 @@ void scale_blocks(GaussSeidel& s, const System& system) {
                 const double* const h = system.values[p] + group.first_value + e * r * c;
                 const double* const wi = s.factors.data + layout.inverse_start[row];
                 const double* const wj = s.factors.data + layout.inverse_start[col];
-                if (!is_three(group)) {
+                if (!is_swept(group, p)) {
                     scale_any(h, r, c, wi, wj, s.others.data + s.other_products[uses[b].turned].block,
                               s.others.data + s.other_products[uses[b].straight].block);
                     continue;
@@ -317,16 +362,23 @@ void apply_inverse_factor_transposed(const GaussSeidel& s, const Layout& layout,
     }
 }
 
-void solve_upper(const GaussSeidel& s, long k, double* v) { multiply_list<-1>(s, s.up[k], v, v); }
+void solve_upper(const GaussSeidel& s, long k, double* v) {
+    solve_in_turn(s, s.fixed.up[k], s.moving.up[k], s.up_stops[k], v);
+}
 
-void solve_lower(const GaussSeidel& s, long k, double* v) { multiply_list<-1>(s, s.down[k], v, v); }
+void solve_lower(const GaussSeidel& s, long k, double* v) {
+    solve_in_turn(s, s.fixed.down[k], s.moving.down[k], s.down_stops[k], v);
+}
 
 void add_between(const GaussSeidel& s, long k, const double* t, double* v) {
-    multiply_list<1>(s, s.between[k], t, v);
-    multiply_list<1>(s, s.moving[k], t, v);
+    multiply_list<1>(s, s.fixed.between[k], t, v);
+    multiply_list<1>(s, s.moving.between[k], t, v);
     multiply_others(s, s.other[k], t, v);
 }
 
-void add_lower(const GaussSeidel& s, long k, const double* x, double* v) { multiply_list<1>(s, s.down[k], x, v); }
+void add_lower(const GaussSeidel& s, long k, const double* x, double* v) {
+    multiply_list<1>(s, s.fixed.down[k], x, v);
+    multiply_list<1>(s, s.moving.down[k], x, v);
+}
 
 }  // namespace yasps

@@ -1,5 +1,5 @@
 // Symmetric block Gauss-Seidel as preconditioner: M = (D + L) D^-1 (D + L)^T, D the diagonal blocks of H. L is what lies
-// below them in the static part, of 3x3 blocks and within a piece, so that pieces sweep side by side.
+// below them, of 3x3 blocks and within a piece, so that pieces sweep side by side.
 //
 // Conjugate gradients run on (D + L)^-1 H (D + L)^-T, of which a product takes two sweeps and no product with H
 // (Eisenstat 1981, Efficient implementation of a class of preconditioned conjugate gradient methods, SIAM J. Sci. Stat.
@@ -35,6 +35,17 @@ struct Uses {
     int straight, turned;
 };
 
+// What a part has of L, of its transpose, and of E, [pieces]; and where what comes from a dof block ends in the first two.
+struct Lists {
+    Buffer<Range> down, up, between;
+    Buffer<int> down_end, up_end;  // [dof blocks]
+};
+
+// A sweep takes products of the static part up to the first, and then those of the moving part up to the second.
+struct Stop {
+    int fixed, moving;
+};
+
 struct GaussSeidel {
     Buffer<double> factors;  // C^-T of each diagonal block, rows padded
     Buffer<int> piece_of;    // [dof blocks]
@@ -42,15 +53,17 @@ struct GaussSeidel {
     Buffer<float> blocks;  // [products, 9], columns of B
     Buffer<OtherProduct> other_products;
     Buffer<float> others;
-    Buffer<Uses> uses;               // of the blocks of all parts, one part after another
-    Buffer<Range> down, up, between;  // [pieces]: products of L, of its transpose, and of E in the static part
-    Buffer<Range> moving;             // [pieces]: of the other parts
-    Buffer<Range> other;              // [pieces]: of other shapes, all parts
-    Buffer<long> next;                // scratch
+    Buffer<Uses> uses;  // of the blocks of all parts, one part after another
+    Lists fixed, moving;
+    Buffer<Stop> stops;
+    Buffer<Range> down_stops, up_stops;  // [pieces]
+    Buffer<Range> other;                 // [pieces]: of other shapes, all parts
+    Buffer<long> next;                   // scratch
 
     // What the lists of the static part were made for.
     const Structure* structure = nullptr;
     long build = 0;
+    long fixed_end = 0;  // of its products
 };
 
 // Whether the static part couples enough 3x3 blocks.
