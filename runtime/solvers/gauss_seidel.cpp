@@ -2,6 +2,7 @@
 #include "solvers/gauss_seidel.h"
 
 #include <algorithm>
+#include <type_traits>
 
 #include "core/runtime.h"
 
@@ -91,48 +92,110 @@ void multiply_others(const GaussSeidel& s, Range list, const double* x, double* 
     }
 }
 
+// Visits the dof blocks of a piece in the order of L.
+template <class Visit>
+void in_order(const Piece& piece, long k, Visit visit) {
+    if (k % 2 == 0)
+        for (long b = piece.blocks.begin; b < piece.blocks.end; ++b) visit(b);
+    else
+        for (long b = piece.blocks.end - 1; b >= piece.blocks.begin; --b) visit(b);
+}
+
+template <class Visit>
+void against_order(const Piece& piece, long k, Visit visit) {
+    in_order(piece, k + 1, visit);
+}
+
+enum Kind { kWithin, kCross, kBetween };
+
+// How a coupling above the diagonal takes part.
+Kind kind_of(const GaussSeidel& s, int row, int col) {
+    const int first = s.piece_of[row], second = s.piece_of[col];
+    if (first == second) return kWithin;
+    return first % 2 == 0 && second == first + 1 && col < s.late[second] ? kCross : kBetween;
+}
+
 // Lists what a part's 3x3 blocks are for, from product `first` on; `uses` are those of its blocks. Returns the end.
 long list_part(GaussSeidel& s, Lists& lists, Uses* uses, const Structure& structure, const Layout& layout,
                const Piece* pieces, long piece_count, long first) {
     int *const down = lists.down_end.data, *const up = lists.up_end.data;
-    long* const counts = s.next.data;         // [pieces]
-    long* const next = counts + piece_count;  // [pieces]
-    std::fill_n(counts, piece_count, 0L);
+    long* const between = s.next.data;             // [pieces]
+    long* const cross_down = between + piece_count;  // [pieces]
+    long* const cross_up = cross_down + piece_count;
+    std::fill_n(s.next.data, 3 * piece_count, 0L);
     std::fill_n(down, layout.blocks, 0);
     std::fill_n(up, layout.blocks, 0);
     for_each_coupling(structure, [&](const Group& group, long, int row, int col) {
         if (!is_three(group)) return;
-        if (s.piece_of[row] == s.piece_of[col]) {
-            ++down[row];
-            ++up[col];
-        } else {
-            ++counts[s.piece_of[row]];
-            ++counts[s.piece_of[col]];
+        const int of_row = s.piece_of[row], of_col = s.piece_of[col];
+        switch (kind_of(s, row, col)) {
+            case kWithin: {
+                const bool turned = of_row % 2 != 0;
+                ++down[turned ? col : row];
+                ++up[turned ? row : col];
+                break;
+            }
+            case kCross:
+                ++cross_down[of_col];
+                ++cross_up[of_row];
+                break;
+            case kBetween:
+                ++between[of_row];
+                ++between[of_col];
         }
     });
-    const auto begin_block = [&](int& of_block) {
-        const int count = of_block;
-        of_block = static_cast<int>(first);
-        first += count;
+    const auto begin = [&](auto& count) {
+        const long n = count;
+        count = static_cast<std::decay_t<decltype(count)>>(first);
+        first += n;
+        return first;
     };
     for (long k = 0; k < piece_count; ++k) {
-        const Range blocks = pieces[k].blocks;
-        lists.down[k].begin = first;
-        for (long b = blocks.begin; b < blocks.end; ++b) begin_block(down[b]);
-        lists.down[k].end = lists.up[k].begin = first;
-        for (long b = blocks.end - 1; b >= blocks.begin; --b) begin_block(up[b]);
-        lists.up[k].end = first;
+        Sweep &below = lists.down[k], &above = lists.up[k];
+        const bool is_second = k % 2 != 0;
+        // Down: what comes from rows that are not late; then, after the barrier, from the first piece; then the rest.
+        below.early = {first, first};
+        long turn = first;
+        in_order(pieces[k], k, [&](long b) {
+            begin(down[b]);
+            if (!is_second || b >= s.late[k]) turn = first;
+        });
+        below.early.end = turn;
+        below.late = {turn, first};
+        below.cross = {first, begin(cross_down[k])};
+        // Up: late rows of the second piece go first, and the first piece waits for them.
+        above.early = {first, first};
+        turn = first;
+        against_order(pieces[k], k, [&](long b) {
+            begin(up[b]);
+            if (is_second && b < s.late[k]) turn = first;
+        });
+        above.early.end = turn;
+        above.late = {turn, first};
+        above.cross = {first, begin(cross_up[k])};
+        lists.between[k] = {first, begin(between[k])};
     }
-    first = begin_lists(counts, piece_count, first, lists.between.data, next);
     for_each_coupling(structure, [&](const Group& group, long block, int row, int col) {
         if (!is_three(group)) return;
         const int i = layout.padded_start[row], j = layout.padded_start[col];
-        const bool within = s.piece_of[row] == s.piece_of[col];
-        const int straight = within ? down[row]++ : static_cast<int>(next[s.piece_of[col]]++);
-        const int turned = within ? up[col]++ : static_cast<int>(next[s.piece_of[row]]++);
+        const int of_row = s.piece_of[row], of_col = s.piece_of[col];
+        long straight = 0, turned = 0;  // from row to col, and back
+        switch (kind_of(s, row, col)) {
+            case kWithin:
+                straight = of_row % 2 == 0 ? down[row]++ : up[row]++;
+                turned = of_row % 2 == 0 ? up[col]++ : down[col]++;
+                break;
+            case kCross:
+                straight = cross_down[of_col]++;
+                turned = cross_up[of_row]++;
+                break;
+            case kBetween:
+                straight = between[of_col]++;
+                turned = between[of_row]++;
+        }
         s.products[straight] = {i, j};
         s.products[turned] = {j, i};
-        uses[block] = {straight, turned};
+        uses[block] = {static_cast<int>(straight), static_cast<int>(turned)};
     });
     return first;
 }
@@ -141,20 +204,36 @@ long list_part(GaussSeidel& s, Lists& lists, Uses* uses, const Structure& struct
 void list_stops(GaussSeidel& s, const Piece* pieces, long piece_count) {
     long count = 0;
     for (long k = 0; k < piece_count; ++k) {
-        const Range blocks = pieces[k].blocks;
-        const auto visit = [&](long b, const Buffer<int>& fixed, const Buffer<int>& moving, long& taken) {
+        long taken;
+        const auto visit = [&](long b, const Buffer<int>& fixed, const Buffer<int>& moving) {
             if (moving[b] == taken) return;
             s.stops[count++] = {fixed[b], moving[b]};
             taken = moving[b];
         };
-        s.down_stops[k].begin = count;
-        long taken = s.moving.down[k].begin;
-        for (long b = blocks.begin; b < blocks.end; ++b) visit(b, s.fixed.down_end, s.moving.down_end, taken);
-        s.down_stops[k].end = s.up_stops[k].begin = count;
-        taken = s.moving.up[k].begin;
-        for (long b = blocks.end - 1; b >= blocks.begin; --b) visit(b, s.fixed.up_end, s.moving.up_end, taken);
-        s.up_stops[k].end = count;
+        const auto list = [&](Stops& stops, const Sweep& moving, auto each) {
+            taken = moving.early.begin;
+            stops.early = {count, count};
+            each();
+            stops.late.end = count;
+            while (stops.early.end < count && s.stops[stops.early.end].moving <= moving.early.end) ++stops.early.end;
+            stops.late.begin = stops.early.end;
+        };
+        list(s.down_stops[k], s.moving.down[k], [&] {
+            in_order(pieces[k], k, [&](long b) { visit(b, s.fixed.down_end, s.moving.down_end); });
+        });
+        list(s.up_stops[k], s.moving.up[k], [&] {
+            against_order(pieces[k], k, [&](long b) { visit(b, s.fixed.up_end, s.moving.up_end); });
+        });
     }
+}
+
+// Finds which rows of second pieces come last: up to the furthest that the static part couples with the first piece.
+void find_late_rows(GaussSeidel& s, const Structure& fixed, const Piece* pieces, long piece_count) {
+    for (long k = 0; k < piece_count; ++k) s.late[k] = pieces[k].blocks.begin;
+    for_each_coupling(fixed, [&](const Group& group, long, int row, int col) {
+        const int first = s.piece_of[row], second = s.piece_of[col];
+        if (is_three(group) && first % 2 == 0 && second == first + 1 && col >= s.late[second]) s.late[second] = col + 1;
+    });
 }
 
 // The products of other shapes.
@@ -237,9 +316,9 @@ bool can_sweep(const Structure& structure) {
     return couplings >= structure.layout.blocks;
 }
 
-long pieces_to_sweep(const Layout& layout) {
+long pieces_to_sweep(const Layout& layout, long processors) {
     long pieces = 1;
-    while (pieces < kMostPieces && layout.blocks >= 2 * pieces * kFewestRows) pieces *= 2;
+    while (pieces < kMostPieces && pieces < processors && layout.blocks >= 2 * pieces * kFewestRows) pieces *= 2;
     return pieces;
 }
 
@@ -268,7 +347,8 @@ bool list_products(GaussSeidel& s, const System& system, const Piece* pieces, lo
                       s.other_products.reserve(2 * others) && s.others.reserve(2 * other_values) &&
                       s.uses.reserve(blocks) && reserve(s.fixed) && reserve(s.moving) &&
                       s.stops.reserve(2 * layout.blocks) && s.down_stops.reserve(piece_count) &&
-                      s.up_stops.reserve(piece_count) && s.other.reserve(piece_count) && s.next.reserve(2 * piece_count);
+                      s.up_stops.reserve(piece_count) && s.other.reserve(piece_count) &&
+                      s.late.reserve(piece_count) && s.next.reserve(3 * piece_count);
     if (!room) return false;
     const bool known = s.structure == &fixed && s.build == fixed.builds && before == s.products.data &&
                        uses_before == s.uses.data;
@@ -276,6 +356,7 @@ bool list_products(GaussSeidel& s, const System& system, const Piece* pieces, lo
         for (long k = 0; k < piece_count; ++k)
             std::fill(s.piece_of.data + pieces[k].blocks.begin, s.piece_of.data + pieces[k].blocks.end,
                       static_cast<int>(k));
+        find_late_rows(s, fixed, pieces, piece_count);
         s.fixed_end = list_part(s, s.fixed, s.uses.data, fixed, layout, pieces, piece_count, 0);
         s.structure = &fixed;
         s.build = fixed.builds;
@@ -362,12 +443,23 @@ void apply_inverse_factor_transposed(const GaussSeidel& s, const Layout& layout,
     }
 }
 
-void solve_upper(const GaussSeidel& s, long k, double* v) {
-    solve_in_turn(s, s.fixed.up[k], s.moving.up[k], s.up_stops[k], v);
+void solve_upper_early(const GaussSeidel& s, long k, double* v) {
+    solve_in_turn(s, s.fixed.up[k].early, s.moving.up[k].early, s.up_stops[k].early, v);
 }
 
-void solve_lower(const GaussSeidel& s, long k, double* v) {
-    solve_in_turn(s, s.fixed.down[k], s.moving.down[k], s.down_stops[k], v);
+void solve_upper_late(const GaussSeidel& s, long k, double* v) {
+    multiply_list<-1>(s, s.fixed.up[k].cross, v, v);
+    multiply_list<-1>(s, s.moving.up[k].cross, v, v);
+    solve_in_turn(s, s.fixed.up[k].late, s.moving.up[k].late, s.up_stops[k].late, v);
+}
+
+void solve_lower_early(const GaussSeidel& s, long k, double* v) {
+    solve_in_turn(s, s.fixed.down[k].early, s.moving.down[k].early, s.down_stops[k].early, v);
+}
+void solve_lower_late(const GaussSeidel& s, long k, const double* other, double* v) {
+    multiply_list<-1>(s, s.fixed.down[k].cross, other, v);
+    multiply_list<-1>(s, s.moving.down[k].cross, other, v);
+    solve_in_turn(s, s.fixed.down[k].late, s.moving.down[k].late, s.down_stops[k].late, v);
 }
 
 void add_between(const GaussSeidel& s, long k, const double* t, double* v) {
@@ -377,8 +469,11 @@ void add_between(const GaussSeidel& s, long k, const double* t, double* v) {
 }
 
 void add_lower(const GaussSeidel& s, long k, const double* x, double* v) {
-    multiply_list<1>(s, s.fixed.down[k], x, v);
-    multiply_list<1>(s, s.moving.down[k], x, v);
+    for (const Lists* lists : {&s.fixed, &s.moving}) {
+        const Sweep& down = lists->down[k];
+        multiply_list<1>(s, {down.early.begin, down.late.end}, x, v);
+        multiply_list<1>(s, down.cross, x, v);
+    }
 }
 
 }  // namespace yasps

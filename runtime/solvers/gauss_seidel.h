@@ -1,5 +1,10 @@
 // Symmetric block Gauss-Seidel as preconditioner: M = (D + L) D^-1 (D + L)^T, D the diagonal blocks of H. L is what lies
-// below them, of 3x3 blocks and within a piece, so that pieces sweep side by side.
+// below them in an order of its own, of 3x3 blocks and within a pair of pieces.
+//
+// In that order the first piece of a pair runs down to where it meets the second one, and the second runs up to there;
+// last come those rows of the second that are coupled with the first. So both are swept side by side and nothing between
+// them is left out (a twisted factorisation: van der Vorst 1987, Large tridiagonal and block tridiagonal linear systems
+// on vector and parallel computers, Parallel Computing 5). What couples pairs is not in L: there fewer are better.
 //
 // Conjugate gradients run on (D + L)^-1 H (D + L)^-T, of which a product takes two sweeps and no product with H
 // (Eisenstat 1981, Efficient implementation of a class of preconditioned conjugate gradient methods, SIAM J. Sci. Stat.
@@ -35,15 +40,27 @@ struct Uses {
     int straight, turned;
 };
 
+// Products of L, or of its transpose, of a piece: first those that need nothing of the other piece of the pair, or that
+// the other needs first; `cross` are those from the other piece.
+struct Sweep {
+    Range early, cross, late;
+};
+
 // What a part has of L, of its transpose, and of E, [pieces]; and where what comes from a dof block ends in the first two.
 struct Lists {
-    Buffer<Range> down, up, between;
+    Buffer<Sweep> down, up;
+    Buffer<Range> between;
     Buffer<int> down_end, up_end;  // [dof blocks]
 };
 
 // A sweep takes products of the static part up to the first, and then those of the moving part up to the second.
 struct Stop {
     int fixed, moving;
+};
+
+// The stops of a piece.
+struct Stops {
+    Range early, late;
 };
 
 struct GaussSeidel {
@@ -56,8 +73,9 @@ struct GaussSeidel {
     Buffer<Uses> uses;  // of the blocks of all parts, one part after another
     Lists fixed, moving;
     Buffer<Stop> stops;
-    Buffer<Range> down_stops, up_stops;  // [pieces]
+    Buffer<Stops> down_stops, up_stops;  // [pieces]
     Buffer<Range> other;                 // [pieces]: of other shapes, all parts
+    Buffer<long> late;                   // [pieces]: dof block before which rows of a second piece come last
     Buffer<long> next;                   // scratch
 
     // What the lists of the static part were made for.
@@ -68,8 +86,8 @@ struct GaussSeidel {
 
 // Whether the static part couples enough 3x3 blocks.
 bool can_sweep(const Structure& structure);
-// How many pieces a system is cut into: as many whatever the number of threads is.
-long pieces_to_sweep(const Layout& layout);
+// How many pieces a system is cut into at most, for so many processors.
+long pieces_to_sweep(const Layout& layout, long processors);
 // Lists all products, before the region. False: out of memory.
 bool list_products(GaussSeidel& s, const System& system, const Piece* pieces, long piece_count);
 
@@ -83,10 +101,12 @@ void apply_inverse_factor(const GaussSeidel& s, const Layout& layout, const Piec
 void apply_inverse_factor_transposed(const GaussSeidel& s, const Layout& layout, const Piece& piece, double* v);
 
 // For the piece number k; numbers in gaps of padded vectors lose their meaning.
-// v = (I + L)^-T v
-void solve_upper(const GaussSeidel& s, long k, double* v);
-// v = (I + L)^-1 v
-void solve_lower(const GaussSeidel& s, long k, double* v);
+// v = (I + L)^-T v and v = (I + L)^-1 v: of all pieces first the early, then, after a barrier, the late part. other: v of
+// the piece before.
+void solve_upper_early(const GaussSeidel& s, long k, double* v);
+void solve_upper_late(const GaussSeidel& s, long k, double* v);
+void solve_lower_early(const GaussSeidel& s, long k, double* v);
+void solve_lower_late(const GaussSeidel& s, long k, const double* other, double* v);
 // v += E t
 void add_between(const GaussSeidel& s, long k, const double* t, double* v);
 // v += L x

@@ -275,13 +275,13 @@ bool reserve(Workspace& w, const System& system, long pieces, long threads, int 
     const bool coarse = preconditioner == kTwoLevel, swept = preconditioner == kGaussSeidel;
     // Sweeps follow the static part, so that their lists stay while it does.
     const System fixed = {1, system.structures, system.values};
-    if (swept) pieces = pieces_to_sweep(system.layout());
+    if (swept) pieces = pieces_to_sweep(system.layout(), pieces);
     const Layout& layout = system.layout();
     const long n = layout.padded + 8;
     return w.x.reserve(n) && w.g.reserve(n) && w.residual.reserve(n) && w.direction.reserve(n) &&
            w.preconditioned.reserve(n) && w.inverse.reserve(layout.inverse_start[layout.blocks]) &&
            w.scratch.reserve(pieces * layout.largest * layout.largest) && cut_pieces(w, system, pieces, swept ? fixed : system) &&
-           (!swept || (w.start.reserve(n) && list_products(w.sweeps, system, w.pieces.data, pieces))) &&
+           (!swept || (w.start.reserve(n) && w.image.reserve(n) && list_products(w.sweeps, system, w.pieces.data, pieces))) &&
            (!coarse || (find_aggregates(*system.structures[0]) &&
                         reserve_coarse_space(w.coarse, *system.structures[0], pieces, threads)));
 }

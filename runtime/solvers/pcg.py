@@ -12,7 +12,7 @@ from typing import ClassVar, Protocol, TypeVar
 
 import numpy as np
 
-from yasps.runtime.core.library import FloatArray, IntArray, LongArray, Runtime, as_vector, check_status, piece_count
+from yasps.runtime.core.library import available_processors, FloatArray, IntArray, LongArray, Runtime, as_vector, check_status, piece_count
 from yasps.runtime.core.uncopied import Uncopied
 from yasps.runtime.matrix.block_matrix import BlockMatrix
 from yasps.runtime.solvers.options import DEFAULTS, SolveOptions
@@ -265,7 +265,7 @@ class PcgSolver(Uncopied):
                 2 if options.preconditioner == 'gauss-seidel' else int(two_level),
                 history.ctypes.data if history is not None else None,
                 count,
-                piece_count(count, self._deterministic),
+                available_processors() if options.preconditioner == 'gauss-seidel' else piece_count(count, self._deterministic),
                 ctypes.addressof(result),
             )
             check_status(status)

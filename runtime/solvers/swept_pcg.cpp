@@ -59,18 +59,8 @@ void find_residual(Workspace& w, const Layout& layout, const Piece& p) {
     apply_inverse_factor(w.sweeps, layout, p, w.residual.data);
 }
 
-// The residual becomes that of the swept system; returns its square.
-double sweep_residual(Workspace& w, const Layout& layout, const Piece& p, long k) {
-    double* const residual = w.residual.data;
-    solve_lower(w.sweeps, k, residual);
-    clear(w.direction.data, p.own.begin, p.own.end);
-    clear(w.preconditioned.data, p.own.begin, p.own.end);
-    for_each_vector(layout, p, [&](long i, auto keep) { store(residual + i, keep(load(residual + i))); });
-    return squared(p, residual);
-}
-
-// x += step t; direction = residual + mix direction; t = (I + L)^-T direction.
-void step_direction(Workspace& w, const Piece& p, long k, double step, double mix) {
+// x += step t; direction = residual + mix direction; t = (I + L)^-T direction, the early part.
+void begin_direction(Workspace& w, const Piece& p, long k, double step, double mix) {
     double *const x = w.x.data, *const t = w.preconditioned.data, *const direction = w.direction.data;
     const double* const residual = w.residual.data;
     for (long i = p.own.begin; i < p.own.end; i += 4) {
@@ -79,31 +69,38 @@ void step_direction(Workspace& w, const Piece& p, long k, double step, double mi
         store(direction + i, way);
         store(t + i, way);
     }
-    solve_upper(w.sweeps, k, t);
+    solve_upper_early(w.sweeps, k, t);
 }
 
-// product = t + (I + L)^-1 (direction - t + E t); returns direction^T product.
-double multiply_swept(Workspace& w, const Layout& layout, const Piece& p, long k) {
+// product = (I + L)^-1 (direction - t + E t), the early part.
+void begin_product(Workspace& w, const Piece& p, long k) {
     double *const product = p.product, *const t = w.preconditioned.data;
     const double* const direction = w.direction.data;
     for (long i = p.own.begin; i < p.own.end; i += 4) store(product + i, load(direction + i) - load(t + i));
     add_between(w.sweeps, k, t, product);
-    solve_lower(w.sweeps, k, product);
+    solve_lower_early(w.sweeps, k, product);
+}
+
+// The rest of it; image = t + product. Returns direction^T image.
+double end_product(Workspace& w, const Layout& layout, const Piece& p, long k) {
+    double* const image = w.image.data;
+    const double *const product = p.product, *const t = w.preconditioned.data, *const direction = w.direction.data;
+    solve_lower_late(w.sweeps, k, k > 0 ? w.pieces[k - 1].product : nullptr, p.product);
     d4 sums = {};
     for_each_vector(layout, p, [&](long i, auto keep) {
         const d4 swept = keep(load(t + i) + load(product + i));
-        store(product + i, swept);
+        store(image + i, swept);
         sums += swept * load(direction + i);
     });
     return sum_of(sums);
 }
 
-// residual -= step product; returns its square.
+// residual -= step image; returns its square.
 double step_residual(Workspace& w, const Piece& p, double step) {
     double* const residual = w.residual.data;
     d4 sums = {};
     for (long i = p.own.begin; i < p.own.end; i += 4) {
-        const d4 left = load(residual + i) - step * load(p.product + i);
+        const d4 left = load(residual + i) - step * load(&w.image[i]);
         store(residual + i, left);
         sums += left * left;
     }
@@ -179,14 +176,24 @@ void iterate_swept(Workspace& w, const System& system, const Options& options, c
         if (relative > kStagnant * before) return stop(iteration, relative, kTooFewDigits, -1);
         before = relative;
 
-        on_pieces(w, share, [&](Piece& p, long k) { p.sums[2] = sweep_residual(w, layout, p, k); });
+        double* const residual = w.residual.data;
+        on_pieces(w, share, [&](Piece&, long k) { solve_lower_early(w.sweeps, k, residual); });
+        on_pieces(w, share, [&](Piece&, long k) { solve_lower_late(w.sweeps, k, residual, residual); });
+        on_pieces(w, share, [&](Piece& p, long) {
+            clear(w.direction.data, p.own.begin, p.own.end);
+            clear(w.preconditioned.data, p.own.begin, p.own.end);
+            for_each_vector(layout, p, [&](long i, auto keep) { store(residual + i, keep(load(residual + i))); });
+            p.sums[2] = squared(p, residual);
+        });
         double swept = total(w, 2), step = 0, mix = 0;
         double ratio = damped / swept;
         const double aim = fmax(kAim * options.tolerance, kDigits * relative);
         Reason reason = kConverged;
         for (long since = 1; relative > aim && iteration < options.max_iterations; ++since) {
-            on_pieces(w, share, [&](Piece& p, long k) { step_direction(w, p, k, step, mix); });
-            on_pieces(w, share, [&](Piece& p, long k) { p.sums[0] = multiply_swept(w, layout, p, k); });
+            on_pieces(w, share, [&](Piece& p, long k) { begin_direction(w, p, k, step, mix); });
+            on_pieces(w, share, [&](Piece&, long k) { solve_upper_late(w.sweeps, k, w.preconditioned.data); });
+            on_pieces(w, share, [&](Piece& p, long k) { begin_product(w, p, k); });
+            on_pieces(w, share, [&](Piece& p, long k) { p.sums[0] = end_product(w, layout, p, k); });
             const double curvature = total(w, 0);
             if (!(curvature > 0 && curvature < INFINITY)) {
                 step = 0;

@@ -19,7 +19,7 @@ struct Workspace {
     CoarseSpace coarse;
     TeamBarrier barrier;
     GaussSeidel sweeps;
-    Buffer<double> start;  // padded: the start vector, and what was found since
+    Buffer<double> start, image;  // padded, with sweeps: the start vector and what was found since; H' direction, swept
     long piece_count = 0;
 };
 
