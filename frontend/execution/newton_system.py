@@ -73,7 +73,7 @@ def solve_options(
     solver: str = "pcg",
     projection: str = "always",
     history: bool = False,
-    preconditioner: str = "jacobi",
+    preconditioner: str = "auto",
 ) -> SolveOptions:
     """What a user asks for. Raises DataError for what can't limit a solver and for names that don't exist."""
     try:

@@ -225,7 +225,7 @@ class SceneNames:
         *,
         solver: str = "pcg",
         projection: str = "always",
-        preconditioner: str = "jacobi",
+        preconditioner: str = "auto",
         fixed: Mapping[Attribute, ArrayLike] | None = None,
     ) -> list[FloatArray]:
         """x of H x = g, one flat array for each target (paper, 4.8); the Newton step is the *negative*: -x.

@@ -26,8 +26,8 @@ class SolveOptions:
     "always"; "on-demand", only where H turns out not to be positive definite; "auto", always that of energies whose
     instances change, else on demand; a solver that is given H does not look at it. history: keep the residual of every
     iteration of conjugate gradients in the report. preconditioner: of conjugate gradients, "jacobi", which is D;
-    "two-level", D and a coarse space; "auto", the one that was cheaper for earlier systems (see `PcgSolver`,
-    `PreconditionerChoice`).
+    "gauss-seidel", symmetric Gauss-Seidel, on the CPU; "two-level", D and a coarse space; "auto", of the last two (of D
+    and the last on a GPU) the one that was cheaper for earlier systems (see `PcgSolver`, `PreconditionerChoice`).
 
     Raises ValueError for what can't limit a solver and for names that don't exist.
     """
@@ -37,7 +37,7 @@ class SolveOptions:
     solver: str = "pcg"
     projection: str = "always"
     history: bool = False
-    preconditioner: str = "jacobi"
+    preconditioner: str = "auto"
 
     def __post_init__(self) -> None:
         """Checks the options, for all that take them."""

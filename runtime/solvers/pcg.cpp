@@ -184,7 +184,7 @@ void iterate(Workspace& w, const System& system, const Options& options, const d
     const bool reports = omp_get_thread_num() == 0;
     bool coarse = false, broke_down = false;
     const auto stop = [&](long iterations, double residual, Reason reason, long block) {
-        if (reports) *result = {iterations, residual, reason, block, coarse ? 1 : broke_down ? -1 : 0};
+        if (reports) *result = {iterations, residual, reason, block, coarse ? 1 : broke_down ? -1 : 0, 0};
         for (const Piece& p : share) unpack(layout, p.blocks, w.x.data, x);
     };
 
@@ -315,6 +315,7 @@ int yasps_solve(yasps::Workspace* w, int parts, const yasps::Structure* const* s
     if (!run(yasps::kJacobi, x, max_iterations - done, history != nullptr ? history + done : nullptr))
         return yasps::kOutOfMemory;
     result->iterations += done;
+    result->sweeps = -1;
     return yasps::kOk;
 }
 

@@ -12,12 +12,22 @@ from typing import ClassVar, Protocol, TypeVar
 
 import numpy as np
 
-from yasps.runtime.core.library import available_processors, FloatArray, IntArray, LongArray, Runtime, as_vector, check_status, piece_count
+from yasps.runtime.core.library import (
+    FloatArray,
+    IntArray,
+    LongArray,
+    Runtime,
+    as_vector,
+    available_processors,
+    check_status,
+    piece_count,
+)
 from yasps.runtime.core.uncopied import Uncopied
 from yasps.runtime.matrix.block_matrix import BlockMatrix
 from yasps.runtime.solvers.options import DEFAULTS, SolveOptions
 
 LOGGER = logging.getLogger("yasps")
+TOO_FEW_DIGITS = "the sweeps have too few digits for this system: block Jacobi went on"
 COARSE_BROKE_DOWN = "the coarse matrix of a linear system is not positive definite: block Jacobi goes on alone"
 
 
@@ -39,9 +49,10 @@ class SolveReport:
     start. block: scalar offset of the dof block whose diagonal block is to blame (not positive definite or not finite),
     else None. history: that quantity before each iteration and at the end, when it was asked for. solver: what solved:
     "pcg", or the name of a direct solver's library (iterations then are those that took out rounding). why: what made
-    the choice, where there was one. two_level: whether the coarse space was used. coarse_broke_down: whether it was to
-    be used but its matrix was not positive definite, so that block Jacobi went on alone. trial_iterations: of the other
-    preconditioner, where "auto" tried it on the same system.
+    the choice, where there was one. gauss_seidel: whether symmetric Gauss-Seidel was the preconditioner to the end.
+    two_level: whether the coarse space was used. coarse_broke_down: whether it was to be used but its matrix was not
+    positive definite, so that block Jacobi went on alone. trial_iterations: of the other preconditioner, where "auto"
+    tried it on the same system.
     """
 
     reason: StopReason
@@ -51,6 +62,7 @@ class SolveReport:
     history: tuple[float, ...] | None
     solver: str = "pcg"
     why: str = ""
+    gauss_seidel: bool = False
     two_level: bool = False
     coarse_broke_down: bool = False
     trial_iterations: int = 0
@@ -77,7 +89,8 @@ class SolveReport:
     def __str__(self) -> str:
         """One line for logs."""
         where = f" (dof block at scalar {self.block})" if self.block is not None else ""
-        who = f" by {self.solver}" if self.direct else " with two levels" if self.two_level else ""
+        with_what = " with two levels" if self.two_level else " with Gauss-Seidel" if self.gauss_seidel else ""
+        who = f" by {self.solver}" if self.direct else with_what
         why = f" ({self.why})" if self.why else ""
         reason = self.reason.name.lower().replace("_", " ")
         return (
@@ -96,7 +109,7 @@ class PreconditionerChoice:
     """What preconditioner="auto" has learned of a scene. It counts iterations, not seconds, so that it decides the same
     in every run.
 
-    Block Jacobi begins; where it is not done in PATIENCE iterations, the coarse space solves that system and the next
+    Gauss-Seidel begins, block Jacobi on a GPU; where it is not done in PATIENCE iterations, the coarse space solves that system and the next
     ones. Now and then a system is solved with the other preconditioner, too, and the next systems get the one that was
     cheaper in the latest of these trials. Trials become rare while they change nothing.
     """
@@ -104,20 +117,20 @@ class PreconditionerChoice:
     two_level: bool = False
     """Whether the next system has the coarse space."""
     lead: float = 0.0
-    """By how much the coarse space was cheaper in the trials, in iterations of block Jacobi; late ones count most."""
+    """By how much the coarse space was cheaper in the trials, in iterations without it; late ones count most."""
     solved: int = 0
     """Systems since the last trial."""
     wait: int = 0
     """How many there are at least between two trials; 0 before the first."""
 
     ITERATION: ClassVar[float] = 1.2
-    """What an iteration with the coarse space costs, in iterations of block Jacobi (docs/performance.md)."""
+    """What an iteration with the coarse space costs, in iterations without it (docs/performance.md)."""
     SETUP: ClassVar[float] = 10.0
     """What the coarse matrix and its inverse cost, in the same unit."""
     SLOW: ClassVar[int] = 40
-    """Systems for which block Jacobi takes fewer iterations are not worth a trial."""
+    """Systems that take fewer iterations without the coarse space are not worth a trial."""
     PATIENCE: ClassVar[int] = 300
-    """What block Jacobi gets before the first trial."""
+    """Iterations without the coarse space before the first trial."""
     FEWEST_BLOCKS: ClassVar[int] = 5000
     """Scenes with fewer dof blocks do not get faster: fewer, but as much dearer iterations."""
     SHORTEST_WAIT: ClassVar[int] = 8
@@ -163,7 +176,7 @@ class PreconditionerChoice:
         return other.iterations
 
     def _cost(self, report: SolveReport) -> float:
-        """In iterations of block Jacobi."""
+        """In iterations without the coarse space."""
         if report.coarse_broke_down:
             return self.SETUP + report.iterations
         return self.SETUP + self.ITERATION * report.iterations if report.two_level else float(report.iterations)
@@ -191,11 +204,16 @@ class _Result(ctypes.Structure):
         ("reason", ctypes.c_long),
         ("block", ctypes.c_long),
         ("coarse", ctypes.c_long),
+        ("sweeps", ctypes.c_long),
     ]
 
 
+_KINDS = {"jacobi": 0, "two-level": 1, "gauss-seidel": 2}
+"""As `Preconditioner` in workspace.h."""
+
+
 class PcgSolver(Uncopied):
-    """Conjugate gradients with a block-Jacobi or two-level preconditioner (paper, section 8 and appendix D).
+    """Conjugate gradients with block Jacobi (paper, section 8 and appendix D), Gauss-Seidel or two levels as preconditioner.
 
     Owns the solver's vectors; keep one and use it for every solve. choice: what preconditioner="auto" has learned.
     """
@@ -232,6 +250,13 @@ class PcgSolver(Uncopied):
         diagonal blocks of H. That is a *squared* norm: tolerance 1e-4 asks for 1e-2 in the norm. It is the same norm
         whatever the preconditioner is. The reference is g also with a start vector. g = 0 gives x = 0.
 
+        Gauss-Seidel is (D + L) D^-1 (D + L)^T, L what lies below D in an order of the dof blocks. It sweeps over the 3x3
+        blocks of the first two parts; other blocks have a part in D alone, and where the first part couples few 3x3
+        blocks, block Jacobi solves. The rows are cut into pieces, 2 for 2 processors, 16 for 16 or more, 1 for less than
+        2,048 dof blocks; what couples one pair of pieces with another is not in L. The matrix of its products is kept
+        as float32, scaled to unit diagonal blocks; residuals are checked with H itself, and where float32 is not
+        enough, block Jacobi goes on, and `report.why` says so.
+
         The two-level preconditioner is D^-1 + P (P^T H P)^-1 P^T, where P moves the dof blocks of an aggregate
         together, blocks of one size that are coupled in parts[0]. Aggregates are so large that the square of the coarse
         space's unknowns is about 0.15 of the numbers in parts[0], and they are at most 1,000. Aggregates are kept while
@@ -239,8 +264,8 @@ class PcgSolver(Uncopied):
         Jacobi goes on alone, and report and log say so.
 
         Returns x and the report; always look at `report.reason`. x is the last iterate (x0 when the iteration could not
-        start). The result is the same bit for bit in every run with the same number of threads, of a deterministic
-        solver with any number. Raises ValueError for arguments that do not fit together, MemoryError.
+        start). The result is the same bit for bit in every run with the same number of threads, with Gauss-Seidel or of a
+        deterministic solver with any number of threads, on machines with as many processors. Raises ValueError for arguments that do not fit together, MemoryError.
         """
         check_parts(parts)
         size = parts[0].size
@@ -249,6 +274,8 @@ class PcgSolver(Uncopied):
         count = self._runtime.thread_count(threads)
 
         def run(two_level: bool, max_iterations: int) -> tuple[FloatArray, SolveReport]:
+            kind = "two-level" if two_level else "jacobi" if options.preconditioner == "jacobi" else "gauss-seidel"
+            sweeps = kind == "gauss-seidel"
             x = np.empty(size)
             history = np.full(max_iterations + 1, np.nan) if options.history else None
             result = _Result()
@@ -262,15 +289,16 @@ class PcgSolver(Uncopied):
                 x.ctypes.data,
                 options.tolerance,
                 max_iterations,
-                2 if options.preconditioner == 'gauss-seidel' else int(two_level),
+                _KINDS[kind],
                 history.ctypes.data if history is not None else None,
                 count,
-                available_processors() if options.preconditioner == 'gauss-seidel' else piece_count(count, self._deterministic),
+                available_processors() if sweeps else piece_count(count, self._deterministic),
                 ctypes.addressof(result),
             )
             check_status(status)
             report = report_of(result.reason, result.iterations, result.relative_residual, result.block, history)
             report = replace(report, two_level=result.coarse > 0, coarse_broke_down=result.coarse < 0)
+            report = replace(report, gauss_seidel=result.sweeps > 0, why=TOO_FEW_DIGITS if result.sweeps < 0 else "")
             if report.coarse_broke_down:
                 LOGGER.warning(COARSE_BROKE_DOWN)
             return x, report

@@ -135,7 +135,7 @@ void iterate_swept(Workspace& w, const System& system, const Options& options, c
     const ThreadShare share = share_of_thread(w);
     const bool reports = omp_get_thread_num() == 0;
     const auto stop = [&](long iterations, double residual, Reason reason, long block) {
-        if (reports) *result = {iterations, residual, reason, block, 0};
+        if (reports) *result = {iterations, residual, reason, block, 0, 1};
         for (const Piece& p : share) unpack(layout, p.blocks, w.start.data, x);
     };
 

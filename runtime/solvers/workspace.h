@@ -30,9 +30,10 @@ struct SolveResult {
     long reason;
     long block;   // scalar offset of the diagonal block to blame, or -1
     long coarse;  // 1: with the coarse space, -1: it was asked for and is not positive definite, else 0
+    long sweeps;  // 1: with sweeps, -1: they had too few digits, else 0
 };
 
-// As PRECONDITIONERS in runtime/solvers/pcg.py.
+// As _KINDS in runtime/solvers/pcg.py.
 enum Preconditioner : int { kJacobi = 0, kTwoLevel = 1, kGaussSeidel = 2 };
 
 struct Options {

@@ -32,7 +32,7 @@ class NewtonSettings:
     projection: str = "always"
     force_tolerance: float | None = None
     relative_force_tolerance: float | None = None
-    preconditioner: str = "jacobi"
+    preconditioner: str = "auto"
 
     def __post_init__(self) -> None:
         """Raises DataError for numbers and options of the linear solver that can't be, and for no tolerance at all."""

@@ -108,6 +108,11 @@ class CudaSolver:
         x on the device, which the next solve overwrites (it may be that one's x0), and the report. Raises ValueError
         for arguments that do not fit together, DeviceMemoryError.
         """
+        if options.preconditioner == "gauss-seidel":
+            raise ValueError(
+                'preconditioner="gauss-seidel" is for the CPU: its sweeps would run on one thread of a GPU. Take "auto", '
+                '"jacobi" or "two-level"'
+            )
         check_targets(parts)
         size = parts[0].size
         _check_vector(g, size, "g")
