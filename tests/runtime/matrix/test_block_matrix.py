@@ -109,8 +109,8 @@ def test_product_is_the_same_bit_for_bit(runtime: Runtime, scene: Any) -> None:
 
 def test_product_where_few_rows_reach_far(runtime: Runtime) -> None:
     rng = np.random.default_rng(3)
-    boundaries, sizes = np.array([0, 270, 630], np.int64), np.array([3, 6], np.int32)
-    starts = np.concatenate([3 * np.arange(90), 270 + 6 * np.arange(60)])
+    boundaries, sizes = np.array([0, 270, 810], np.int64), np.array([3, 9], np.int32)
+    starts = np.concatenate([3 * np.arange(90), 270 + 9 * np.arange(60)])
     matrix = BlockMatrix(runtime)
     for _ in range(3):  # each time other pairs: what was reached before is forgotten
         near = np.stack([starts[:-1], starts[1:]], 1)
