@@ -6,6 +6,7 @@ import ctypes
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -53,7 +54,7 @@ class Program:
         self._library = ctypes.CDLL(str(linked.path))
         self._arguments = {name: (ctypes.c_void_p * max(1, len(c.bindings)))() for name, c in self.codes.items()}
         self._functions: dict[tuple[str, str], int] = {}
-        # Many objects read the same. Of each thing that is read: its address, and where that stands.
+        # Many objects read the same. Of each thing that is read: its array, and where the array's address stands.
         self._numbers: dict[Binding, int] = {}
         self._places: list[list[tuple[ctypes.Array[ctypes.c_void_p], int]]] = []
         self._elsewhere: list[tuple[ctypes.Array[ctypes.c_void_p], int, int]] = []
@@ -67,20 +68,23 @@ class Program:
                     if number == len(self._places):
                         self._places.append([])
                     self._places[number].append((array, k))
-        self._addresses: list[int | None] = [None] * len(self._places)
+        self._bound: list[NDArray[Any] | None] = [None] * len(self._places)
 
-    def bind(self, address_of: Callable[[Binding], int]) -> None:
-        """Points all objects to the scene's arrays; again whenever an array has moved."""
-        for array, k, number in self._elsewhere:
-            array[k] = self._addresses[number]
+    def bind(self, array_of: Callable[[Binding], NDArray[Any]]) -> None:
+        """Points all objects to the scene's arrays, which are kept; again whenever one was replaced by another."""
+        for pointers, k, number in self._elsewhere:
+            bound = self._bound[number]
+            assert bound is not None
+            pointers[k] = bound.ctypes.data
         self._elsewhere.clear()
         for number, binding in enumerate(self._numbers):
-            address = address_of(binding)
-            if self._addresses[number] == address:
+            array = array_of(binding)
+            if self._bound[number] is array:
                 continue
-            self._addresses[number] = address
-            for array, k in self._places[number]:
-                array[k] = address
+            self._bound[number] = array
+            address = array.ctypes.data
+            for pointers, k in self._places[number]:
+                pointers[k] = address
 
     def point(self, name: str, binding: Binding, address: int) -> None:
         """Points one object elsewhere, until the next `bind`."""

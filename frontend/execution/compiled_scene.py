@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import time
 from abc import ABC, abstractmethod
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 from pathlib import Path
 from typing import Any, Literal, TypeAlias
 
@@ -355,7 +356,9 @@ class CompiledScene(InScene, ABC):
             assert isinstance(node, Stored)
             return node.array
         if binding.kind == "indices":
-            return self.emitter.connected[binding.name].indices
+            connectivity = self.emitter.connected[binding.name]
+            stored = connectivity.stored_indices
+            return stored if isinstance(stored, np.ndarray) else connectivity.indices
         return (self._offsets if binding.kind == "offsets" else self._starts)[binding.name]
 
     # -- work ----------------------------------------------------------------------------------------------
@@ -421,10 +424,11 @@ class CompiledScene(InScene, ABC):
         return gradient
 
     @one_thread_at_a_time
-    def gradients(self) -> dict[str, FloatArray]:
-        """Of each energy that has derivatives now, by path, the gradient of all targets, end to end."""
+    def gradients(self, paths: Collection[str] | None = None) -> dict[str, FloatArray]:
+        """Of each energy that has derivatives now, by path, the gradient of all targets, end to end; paths: of these
+        energies alone."""
         self.update_structure()
-        terms = self._derived_terms()
+        terms = [term for term in self._derived_terms() if paths is None or term.symbol in paths]
         return {term.symbol: self._gradient_of([term], hessian=False, project=False) for term in terms}
 
     def _gradient_of(self, terms: Sequence[Term], *, hessian: bool, project: ToProject) -> FloatArray:
@@ -515,9 +519,9 @@ class CompiledScene(InScene, ABC):
         return found
 
     def split(self, stacked: FloatArray) -> list[FloatArray]:
-        """A vector of all unknowns as one flat array for each target."""
-        sizes = [target.node.array.size for target in self.targets if isinstance(target.node, Stored)]
-        return [part.copy() for part in np.split(stacked, np.cumsum(sizes)[:-1])]
+        """A vector of all unknowns as one flat array for each target: views of it."""
+        ends = self._layout()[0].tolist()
+        return [stacked[start:end] for start, end in pairwise(ends)]
 
 
 def _connected(owner: Primitive | PrimitiveUnion | None, instance: int) -> str:

@@ -9,7 +9,6 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from yasps.backend.codegen.object_text import Binding
 from yasps.backend.codegen.program import CompiledModule, Program
 from yasps.backend.codegen.scene_view import SceneView
 from yasps.backend.cpp.object import CppEmitter
@@ -79,7 +78,7 @@ class CpuScene(CompiledScene):
         return [*runtime, *self.program.log]
 
     def _point(self) -> None:
-        self.program.bind(self._address_of)
+        self.program.bind(self._array_of)
         for term in self._terms:
             placement = self.placements.get(term.symbol)
             if placement is None:
@@ -88,9 +87,6 @@ class CpuScene(CompiledScene):
                 placement.ordered = None
             elif placement.ordered is not None:
                 placement.ordered.point()
-
-    def _address_of(self, binding: Binding) -> int:
-        return self._array_of(binding).ctypes.data
 
     def _run(self, symbol: str, count: int, shape: tuple[int, int]) -> FloatArray:
         self.bind()

@@ -55,10 +55,9 @@ def real_numbers(values: ArrayLike, what: str, error: type[Exception] = DataErro
     if given.dtype.kind not in "fiub":
         raise error(f"{what} needs real numbers, got {given.dtype}")
     array = np.asarray(given, dtype=np.float64, order="C")
-    if finite:
+    if finite and not np.isfinite(array).all():
         bad = np.flatnonzero(~np.isfinite(array.ravel()))
-        if bad.size:
-            raise error(f"{what}: entry {bad[0]} is {array.ravel()[bad[0]]} ({bad.size} entries are not finite)")
+        raise error(f"{what}: entry {bad[0]} is {array.ravel()[bad[0]]} ({bad.size} entries are not finite)")
     return array
 
 

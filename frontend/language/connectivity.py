@@ -178,7 +178,9 @@ class Connectivity(ConnectivityNames, InScene):
         rows = array.reshape(-1, self.arity)
         self._check_count(len(rows))
         self._check_range(rows, "")
-        return np.ascontiguousarray(rows, dtype=np.int32).copy()
+        checked = np.array(rows, np.int32, order="C")
+        self._fits = checked, self.target.num_instances
+        return checked
 
     def _checked_variable(self, indices: ArrayLike, counts: ArrayLike) -> IntArray:
         """Rows filled up with -1 from flat indices and how many of them each instance has (CSR)."""

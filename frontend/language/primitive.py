@@ -192,7 +192,7 @@ class Primitive(PrimitiveNames, PrimitiveBase):
 
     def _counts_without(self, parts: dict[str, Any]) -> dict[str, int]:
         """Instances that each part not named here has numbers for."""
-        counts = {name: len(c.indices) for name, c in self.connectivities.items()}
+        counts = {name: len(c.stored_indices) for name, c in self.connectivities.items()}
         counts |= {name: len(a.node.array) for name, a in self.attributes.items() if isinstance(a.node, Stored)}
         return {name: count for name, count in counts.items() if name not in parts}
 

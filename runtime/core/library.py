@@ -301,8 +301,9 @@ def load_runtime(compiler: Compiler, threads: int | None = None) -> Runtime:
     parallel = compiler.with_flags("-fopenmp") if compiler.has_openmp else compiler
     objects = compile_sources(runtime_sources(), parallel)
     linked = link(objects, parallel, ("-lm",))
-    # Waiting threads of GNU OpenMP spin before they sleep. On a machine with other work a spinning thread keeps the one
-    # it waits for off the processor: products became 15 times slower. libgomp reads this when it is loaded.
+    # Waiting threads of GNU OpenMP spin before they sleep (those of the solver have a barrier of their own). On a
+    # machine with other work a spinning thread keeps the one it waits for off the processor: products became 15 times
+    # slower. libgomp reads this when it is loaded.
     os.environ.setdefault("GOMP_SPINCOUNT", "300")
     library = ctypes.CDLL(str(linked.path))
     _OpenMp.is_loaded = True

@@ -74,6 +74,8 @@ class BlockMatrix(Uncopied):
         self._with_diagonal = with_diagonal
         self._storage: FloatArray = np.zeros(_READ_AHEAD)
         self._groups: list[BlockGroup] | None = None
+        self._touched: tuple[NDArray[np.bool_], list[tuple[LongArray, LongArray]]] | None = None
+        """Fixed scalars, and of each group the blocks in their rows and columns, and those of them on the diagonal."""
         self._is_built = False
         self._chose_order = False
         #: int32 [dof blocks]: the place of each dof block inside, None where that is the order of the scalars.
@@ -241,11 +243,12 @@ class BlockMatrix(Uncopied):
         """
         if fixed.shape != (self.size,):
             raise ValueError(f"fixed has shape {fixed.shape}, but the matrix {self.size} rows")
-        for group in self.groups:
-            touched = np.flatnonzero(fixed[group.rows] | fixed[group.cols])
+        if self._touched is None or not np.array_equal(self._touched[0], fixed):
+            self._touched = fixed.copy(), [_touched_by(fixed, group) for group in self.groups]
+        for group, (touched, on_diagonal) in zip(self.groups, self._touched[1], strict=True):
             group.values[touched] = 0.0
             if self._with_diagonal:
-                group.values[touched[group.rows[touched] == group.cols[touched]]] = np.eye(group.r, group.c)
+                group.values[on_diagonal] = np.eye(group.r, group.c)
 
     def multiply(self, x: FloatArray, threads: int | None = None, *, deterministic: bool = False) -> FloatArray:
         """H x for float64 [size] x, with the full symmetric matrix. Raises ValueError for another shape.
@@ -320,13 +323,19 @@ class BlockMatrix(Uncopied):
             self._storage[: needed + _READ_AHEAD] = 0.0
         self.values = self._storage[:needed]
         self.block_count = int(sizes[2])
-        self._groups = None
+        self._groups = self._touched = None
 
     def _forget(self) -> None:
         """Become empty after a build that ran out of memory."""
         self._is_built = self._chose_order = False
         self._storage = np.zeros(_READ_AHEAD)
         self.build(np.zeros(1, np.int64), np.zeros(0, np.int32), [])
+
+
+def _touched_by(fixed: NDArray[np.bool_], group: BlockGroup) -> tuple[LongArray, LongArray]:
+    """The blocks in rows and columns of these scalars, and those of them on the diagonal."""
+    touched = np.flatnonzero(fixed.take(group.rows) | fixed.take(group.cols))
+    return touched, touched[group.rows[touched] == group.cols[touched]]
 
 
 def check_layout(boundaries: LongArray, block_sizes: IntArray) -> tuple[LongArray, IntArray]:

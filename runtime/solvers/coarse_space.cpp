@@ -84,7 +84,7 @@ void eliminate(double* row, double* other, long length, const double* panel, lon
 
 // The lower triangle becomes that of minus the inverse, by the symmetric sweep operator with blocks as pivots (Lange
 // 2010, Numerical Analysis for Statisticians, sec. 7.4). Without exchanges: pivots are those of Cholesky's method.
-bool invert_lower(CoarseSpace& c) {
+bool invert_lower(CoarseSpace& c, TeamBarrier& barrier) {
     const long n = c.unknowns, thread = omp_get_thread_num(), threads = omp_get_num_threads();
     for (long first = 0; first < n; first += kPanel) {
         const int size = static_cast<int>(n - first < kPanel ? n - first : kPanel);
@@ -100,7 +100,7 @@ bool invert_lower(CoarseSpace& c) {
                                         : c.matrix[i * c.stride + first + k];
             }
         }
-#pragma omp barrier
+        barrier.wait();
         // Rows by twos, and what lies right of the diagonal means nothing yet; a row of the pivots, or behind the last,
         // has a place of its own for it.
         double* const idle = &c.idle[thread * c.stride];
@@ -126,7 +126,7 @@ bool invert_lower(CoarseSpace& c) {
         if (thread == 0)
             for (int k = 0; k < size; ++k)
                 for (int l = 0; l <= k; ++l) c.matrix[(first + k) * c.stride + first + l] = -inverse[k * kPanel + l];
-#pragma omp barrier
+        barrier.wait();
     }
     return true;
 }
@@ -160,7 +160,7 @@ void place_blocks(CoarseSpace& c, const Structure& structure, const double* inve
     }
 }
 
-bool make_coarse_matrix(CoarseSpace& c, const Parts& parts) {
+bool make_coarse_matrix(CoarseSpace& c, const Parts& parts, TeamBarrier& barrier) {
     const Aggregates& aggregates = parts.structures[0]->aggregates;
     const int thread = omp_get_thread_num(), threads = omp_get_num_threads();
     const Range own = piece(aggregates.count, thread, threads);
@@ -172,11 +172,11 @@ bool make_coarse_matrix(CoarseSpace& c, const Parts& parts) {
         if (c.matrix[i * c.stride + i] == 0) c.matrix[i * c.stride + i] = 1;
     if (thread == 0)
         for (long i = 0; i < c.restricted_length; ++i) c.solution[i] = 0;
-#pragma omp barrier
-    if (!invert_lower(c)) return false;
+    barrier.wait();
+    if (!invert_lower(c, barrier)) return false;
     for (long i = thread; i < c.unknowns; i += threads)
         for (long j = i + 1; j < c.unknowns; ++j) c.matrix[i * c.stride + j] = c.matrix[j * c.stride + i];
-#pragma omp barrier
+    barrier.wait();
     return true;
 }
 

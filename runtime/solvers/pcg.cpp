@@ -7,6 +7,7 @@
 #include <new>
 
 #include "core/runtime.h"
+#include "core/team_barrier.h"
 #include "solvers/coarse_space.h"
 #include "solvers/preconditioner.h"
 
@@ -32,6 +33,7 @@ struct Workspace {
     Buffer<double> scratch;                                    // one diagonal block per piece
     Buffer<Piece> pieces;
     CoarseSpace coarse;
+    TeamBarrier barrier;
     long piece_count = 0;
 };
 
@@ -296,8 +298,8 @@ void start_piece(Workspace& w, const System& system, const double* g, const doub
 // Makes the coarse space ready for this system, by all threads together. False where that is impossible.
 bool start_coarse(Workspace& w, const System& system, const ThreadShare& share) {
     for (const Piece& p : share) place_blocks(w.coarse, *system.structures[0], w.inverse.data, p.blocks);
-#pragma omp barrier
-    return make_coarse_matrix(w.coarse, {system.parts, system.structures, system.values});
+    w.barrier.wait();
+    return make_coarse_matrix(w.coarse, {system.parts, system.structures, system.values}, w.barrier);
 }
 
 // The body of the parallel region. Every thread takes the same decisions from the same sums.
@@ -313,7 +315,7 @@ void iterate(Workspace& w, const System& system, const Options& options, const d
     };
 
     for (Piece& p : share) start_piece(w, system, g, x0, p);
-#pragma omp barrier
+    w.barrier.wait();
     if (total(w, 0) > 0) return stop(0, NAN, kNotFinite, -1);
     if (total(w, 1) == 0) {
         for (const Piece& p : share) clear(w.x.data, p.own.begin, p.own.end);
@@ -327,7 +329,7 @@ void iterate(Workspace& w, const System& system, const Options& options, const d
 
     if (x0 != nullptr)
         for (const Piece& p : share) multiply_piece(system, p, w.x.data);
-#pragma omp barrier
+    w.barrier.wait();
     for (Piece& p : share) {
         if (x0 != nullptr) gather(w, p);
         for (long i = p.own.begin; i < p.own.end; i += 4) {
@@ -338,7 +340,7 @@ void iterate(Workspace& w, const System& system, const Options& options, const d
         p.sums[1] = precondition(w, layout, p.blocks, w.residual.data, w.preconditioned.data);
         for (long i = p.own.begin; i < p.own.end; i += 4) store(&w.direction[i], load(&w.preconditioned[i]));
     }
-#pragma omp barrier
+    w.barrier.wait();
     const double reference = total(w, 0);
     double damped = total(w, 1);  // r^T D^-1 r
     double squared = damped;      // r^T M^-1 r, with the coarse space in M
@@ -352,12 +354,12 @@ void iterate(Workspace& w, const System& system, const Options& options, const d
             clear_restricted(w, p);
             restrict_to_coarse(w, layout, p.blocks, restricted_of(w, p));
         }
-#pragma omp barrier
+        w.barrier.wait();
         solve_coarse(w.coarse, system.aggregates(), w.piece_count);
-#pragma omp barrier
+        w.barrier.wait();
         squared += coarse_product(w.coarse, system.aggregates());
         for (const Piece& p : share) step_direction(w, layout, p, 0, 0, true);
-#pragma omp barrier
+        w.barrier.wait();
     }
 
     for (long iteration = 0;; ++iteration) {
@@ -368,12 +370,12 @@ void iterate(Workspace& w, const System& system, const Options& options, const d
         if (iteration == options.max_iterations) return stop(iteration, relative, kMaxIterations, -1);
 
         for (const Piece& p : share) multiply_piece(system, p, w.direction.data);
-#pragma omp barrier
+        w.barrier.wait();
         for (Piece& p : share) {
             gather(w, p);
             p.sums[0] = dot(p.own, w.direction.data, p.product);
         }
-#pragma omp barrier
+        w.barrier.wait();
         const double curvature = total(w, 0);
         if (!(curvature > 0 && curvature < INFINITY)) {
             const bool indefinite = curvature <= 0 && curvature > -INFINITY;
@@ -381,18 +383,18 @@ void iterate(Workspace& w, const System& system, const Options& options, const d
         }
         const double step = squared / curvature;
         for (Piece& p : share) p.sums[1] = step_residual(w, layout, p, step, coarse);
-#pragma omp barrier
+        w.barrier.wait();
         damped = total(w, 1);
         double next = damped;
         if (coarse) {
             solve_coarse(w.coarse, system.aggregates(), w.piece_count);
-#pragma omp barrier
+            w.barrier.wait();
             next += coarse_product(w.coarse, system.aggregates());
         }
         const double mix = next / squared;
         squared = next;
         for (const Piece& p : share) step_direction(w, layout, p, step, mix, coarse);
-#pragma omp barrier
+        w.barrier.wait();
     }
 }
 
@@ -440,9 +442,9 @@ int yasps_multiply(yasps::Workspace* w, const yasps::Structure* structure, const
             yasps::pack(layout, p.blocks, x, w->x.data);
             yasps::clear(p.product, p.own.begin, p.reach);
         }
-#pragma omp barrier
+        w->barrier.wait();
         for (const yasps::Piece& p : share) yasps::multiply_piece(system, p, w->x.data);
-#pragma omp barrier
+        w->barrier.wait();
         for (const yasps::Piece& p : share) {
             yasps::gather(*w, p);
             yasps::unpack(layout, p.blocks, p.product, y);

@@ -81,7 +81,7 @@ def test_slopes_are_those_of_complex_steps(kind: str, barrier: str) -> None:
     points = closest_points(kind, x)
     np.testing.assert_allclose(points.weights, plain_weights(kind, x), atol=1e-13)
     np.testing.assert_allclose(points.way, np.einsum("na,nad->nd", points.weights, x), atol=1e-13)
-    xi, of_xi = points.offsets(kind, radii)
+    xi, of_xi = points.offset(kind, radii), points.offset_slopes(kind, radii)
     np.testing.assert_allclose(xi, (np.abs(points.weights) * radii).sum(axis=1), rtol=1e-14)
     excess, activation = dot(points.way, points.way) - xi**2, reach**2 + 2 * reach * xi
     energy, by_excess, by_activation = barrier_slopes(barrier, excess, activation, np.full(len(x), 3.0))

@@ -39,6 +39,7 @@ from yasps.contact.kinds import HALF_SPACE, KINDS
 from yasps.contact.look_ahead import LookAhead
 from yasps.contact.object_names import ObjectNames
 from yasps.contact.pair_primitive import PairPrimitive
+from yasps.contact.rows import longest_way
 from yasps.contact.surface_arguments import checked_points, checked_radii
 from yasps.frontend.language.arrays import positive_number
 from yasps.frontend.language.in_scene import InScene
@@ -456,7 +457,7 @@ class BarrierContact(InScene):
             self._kept = geometry.candidates(start, end, margin=margin, before=self._kept)
         if self._is_short(start, end):
             return 1.0, self._kept
-        step = geometry.step_bound(start, end, self._kept, start_is_free=True)
+        step = geometry.step_bound(start, end, self._kept, start_is_free=True, is_covered=True)
         return min(step, self.half_spaces.step_bound(start, end)), self._kept
 
     def _is_short(self, start: FloatArray, end: FloatArray) -> bool:
@@ -467,9 +468,7 @@ class BarrierContact(InScene):
         if not np.array_equal(start, self._where):
             return False
         least = min(self.active.minimum_gap, self.geometry.activation_distance)
-        way = end - start
-        longest = float(np.sqrt(np.einsum("ij,ij->i", way, way).max(initial=0.0)))
-        return 0.0 < 2 * longest <= 0.9 * least
+        return 0.0 < 2 * longest_way(start, end) <= 0.9 * least
 
     def show_only(self, chosen: Mapping[str, NDArray[np.bool_]]) -> None:
         """Gives the scene of each of these kinds the pairs of the active set that the mask, [n], chooses, and all pairs

@@ -263,7 +263,7 @@ def _pairs_of(entries: _Entries) -> ContactPairs:
     count, arity = entries.vertices.shape
     points = closest_points(name, x)
     if entries.radii_vary:
-        offset, of_offset = points.offsets(name, entries.radii)
+        offset, of_offset = points.offset(name, entries.radii), points.offset_slopes(name, entries.radii)
     else:
         offset, of_offset = entries.radii[:, sorted(set(kind.sides))].sum(axis=1), np.zeros((1, arity, 3))
     distance = np.linalg.norm(points.way, axis=1)

@@ -118,6 +118,8 @@ class ContactLaws:
 
     def of(self, first: Ids, second: Ids) -> Ids:
         """The laws of pairs of vertices, [n]."""
+        if len(self.stiffness) == 1:
+            return np.zeros(len(first), np.int32)
         return np.asarray(self.law_of[self.class_of[first], self.class_of[second]])
 
     def of_planes(self, vertices: Ids, planes: Ids) -> Ids:

@@ -16,6 +16,7 @@ from yasps import FloatArray
 from yasps.contact.active_set import Floats, PlanePairs
 from yasps.contact.barrier_contact import BarrierContact
 from yasps.contact.pair_forces import closest_points
+from yasps.contact.rows import row_dots
 
 CRUSHED = 1e-2
 """Share of the activation distance below which a gap is looked at: the barrier bears 200 times its stiffness there."""
@@ -28,16 +29,16 @@ def gaps(contact: BarrierContact) -> dict[str, Floats]:
     positions, parts = contact.positions(), contact.parts
     found = {}
     for name, pairs in contact.active.kinds().items():
-        corners = positions[pairs.vertices]
+        corners = np.take(positions, pairs.vertices, axis=0)
         if isinstance(pairs, PlanePairs):
             assert parts.planes is not None
             planes = [parts.planes[part].value.reshape(-1, 1, 3)[pairs.planes] for part in ("normal", "point")]
             corners = np.concatenate([corners, *planes], axis=1)
         points = closest_points(name, corners)
-        found[name] = np.linalg.norm(points.way, axis=1)
+        found[name] = np.sqrt(row_dots(points.way, points.way))
         if parts.is_thick:
             radii = pairs.share[:, None] * parts.points["radius"].value[pairs.vertices]
-            found[name] -= points.offsets(name, radii)[0]
+            found[name] -= points.offset(name, radii)
     return found
 
 
@@ -53,7 +54,7 @@ def crushed_gradient(contact: BarrierContact) -> FloatArray | None:
     barriers = [pairs.primitive["barrier"].path for pairs in contact.primitives.values()]
     contact.show_only({name: some <= ALIKE * least for name, some in of_kinds.items()})
     try:
-        gradients = contact.parts.mesh.scene.compile().gradients()
+        gradients = contact.parts.mesh.scene.compile().gradients(barriers)
     finally:
         contact.show_only({})
-    return np.asarray(sum((gradients[path] for path in barriers if path in gradients), start=np.zeros(1)))
+    return np.asarray(sum(gradients.values(), start=np.zeros(1)))

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from yasps import DataError, IntersectionError
 from yasps.contact.active_set import Floats, PlanePairs
+from yasps.contact.rows import row_dots
 
 KEPT = 0.1
 """Share of its gap that a vertex keeps in one step, as pairs of surface pieces do."""
@@ -39,6 +40,7 @@ class HalfSpaces:
         self.points = np.array([plane.point for plane in planes], np.float64).reshape(-1, 3)
         self.reach, self._radii = reach, radii
         self._vertices = [np.flatnonzero(row).astype(np.int32) for row in meets]
+        self._radii_of_plane = [radii[ids] for ids in self._vertices]
         if not np.allclose(np.linalg.norm(self.normals, axis=1), 1.0, rtol=0, atol=1e-12):
             raise DataError("normals of half-spaces have length 1")
 
@@ -47,9 +49,9 @@ class HalfSpaces:
 
     def _gaps(self, positions: Floats, plane: int) -> Floats:
         ids = self._vertices[plane]
-        ways = positions[ids] - self.points[plane]
-        # Not by BLAS, whose threads spin for a while afterwards.
-        return np.asarray(np.einsum("md,d->m", ways, self.normals[plane]) - self._radii[ids])
+        heights = row_dots(np.take(positions, ids, axis=0) - self.points[plane], self.normals[plane])
+        heights -= self._radii_of_plane[plane]
+        return heights
 
     def close(self, positions: Floats) -> tuple[PlanePairs, float]:
         """Vertices nearer than d_hat to a plane, by plane and vertex; and the smallest gap of all [m]."""

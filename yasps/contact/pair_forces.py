@@ -17,6 +17,7 @@ import numpy as np
 from yasps.contact.active_set import Floats
 from yasps.contact.friction import KINETIC_FROM
 from yasps.contact.kinds import PARALLEL
+from yasps.contact.rows import row_dots
 
 _LINES = np.array([[1.0, 0.0], [-1.0, 0.0], [0.0, -1.0], [0.0, 1.0]])
 _SLOPES: dict[str, Floats] = {
@@ -51,27 +52,37 @@ class ClosestPoints:
     """g, [n, arity]: negative and -1 in sum for the first piece, 1 in sum for the second."""
     way: Floats
     """r [m], [n, 3], from the first piece to the second."""
-    slopes: Floats
-    """dp/dx_i, [n, parameters, arity, 3]: how the closest points move along their pieces."""
+    along: Floats
+    """A^T [m], [n, parameters, 3]: how the way changes with the parameters."""
     of_parameters: Floats
     """B, [arity, parameters]."""
 
-    def offsets(self, kind: str, radii: Floats) -> tuple[Floats, Floats]:
-        """The sum of |g_i| radius_i [m], [n], and its derivatives by the vertices, [n, arity, 3]; radii [n, arity] [m].
+    def slopes(self) -> Floats:
+        """dp/dx_i, [n, parameters, arity, 3]: how the closest points move along their pieces."""
+        moved = self.of_parameters.T[None, :, :, None] * self.way[:, None, None] + (
+            self.weights[:, None, :, None] * self.along[:, :, None]
+        )
+        return np.asarray(-np.einsum("npq,nqad->npad", _inverse_gram(self.along), moved))
 
-        Weights of nearly parallel edges are moved into the edges, as `Kind.weights` does: there they don't change.
+    def offset(self, kind: str, radii: Floats) -> Floats:
+        """The sum of |g_i| radius_i [m], [n]; radii [n, arity] [m].
+
+        Weights of nearly parallel edges are moved into the edges, as `Kind.weights` does.
         """
-        sign = np.where(FIRST_PIECE[kind], -1.0, 1.0)
-        shares = self.weights * sign
-        moves = np.ones(self.slopes.shape[:2])
+        shares = self.weights * _signs(kind)
+        return np.asarray(((shares.clip(0, 1) if kind.startswith("mollified") else shares) * radii).sum(axis=1))
+
+    def offset_slopes(self, kind: str, radii: Floats) -> Floats:
+        """Derivatives of `offset` by the vertices, [n, arity, 3]. Weights that were moved into an edge don't change."""
+        sign = _signs(kind)
+        by_parameter = np.einsum("na,ap->np", sign * radii, self.of_parameters)
         if kind.startswith("mollified"):
+            shares = self.weights * sign
             outside = (shares < 0) | (shares > 1)
-            moves = 1.0 - np.einsum("na,ap->np", outside, self.of_parameters != 0).clip(0, 1)
-            shares = shares.clip(0, 1)
-        by_parameter = moves * np.einsum("na,ap->np", sign * radii, self.of_parameters)
-        slopes = np.einsum("np,npad->nad", by_parameter, self.slopes)
+            by_parameter *= 1.0 - np.einsum("na,ap->np", outside, self.of_parameters != 0).clip(0, 1)
+        slopes = np.einsum("np,npad->nad", by_parameter, self.slopes())
         # Their sum is 0: what rounding leaves of it, for nearly parallel edges, is taken away.
-        return (shares * radii).sum(axis=1), np.asarray(slopes - slopes.mean(axis=1, keepdims=True), np.float64)
+        return np.asarray(slopes - slopes.mean(axis=1, keepdims=True), np.float64)
 
 
 def closest_points(kind: str, x: Floats) -> ClosestPoints:
@@ -79,33 +90,31 @@ def closest_points(kind: str, x: Floats) -> ClosestPoints:
     if kind == "half_space":
         height = np.einsum("nd,nd->n", x[:, 0] - x[:, 2], x[:, 1])
         way = -height[:, None] * x[:, 1]
-        return ClosestPoints(-np.ones((len(x), 1)), way, np.zeros((len(x), 0, 1, 3)), _SLOPES[kind])
-    slopes = _SLOPES[kind]
+        return ClosestPoints(-np.ones((len(x), 1)), way, np.zeros((len(x), 0, 3)), _SLOPES[kind])
     if kind.endswith("edge_edge"):
         first, second, offset = x[:, 1] - x[:, 0], x[:, 3] - x[:, 2], x[:, 2] - x[:, 0]
         normal, area = _normal(first, second)
-        s = _dot(np.cross(offset, second), normal) / area
-        t = _dot(np.cross(offset, first), normal) / area
+        s = row_dots(np.cross(offset, second), normal) / area
+        t = row_dots(np.cross(offset, first), normal) / area
         weights = np.stack([s - 1, -s, 1 - t, t], axis=1)
         way, along = _part_along(offset, normal, area), np.stack([-first, second], axis=1)
     elif kind == "point_triangle":
         first, second, offset = x[:, 2] - x[:, 1], x[:, 3] - x[:, 1], x[:, 0] - x[:, 1]
         normal, area = _normal(first, second)
-        u, v = _dot(np.cross(offset, second), normal) / area, _dot(np.cross(first, offset), normal) / area
+        u, v = row_dots(np.cross(offset, second), normal) / area, row_dots(np.cross(first, offset), normal) / area
         weights = np.stack([-np.ones(len(x)), 1 - u - v, u, v], axis=1)
         way, along = _part_along(-offset, normal, area), np.stack([first, second], axis=1)
     elif kind.endswith("point_edge"):
         edge, offset = x[:, 2] - x[:, 1], x[:, 1] - x[:, 0]
-        area = _dot(edge, edge)
-        t = -_dot(offset, edge) / area
+        area = row_dots(edge, edge)
+        t = -row_dots(offset, edge) / area
         weights = np.stack([-np.ones(len(x)), 1 - t, t, *([np.zeros(len(x))] if kind[0] == "m" else [])], axis=1)
         way = np.cross(edge, np.cross(offset, edge)) / area[:, None]  # all of it orthogonal, however long the edge is
         along = edge[:, None]
     else:
         weights = np.tile([-1.0, 1.0, 0.0, 0.0][: x.shape[1]], (len(x), 1))
         way, along = x[:, 1] - x[:, 0], np.zeros((len(x), 0, 3))
-    moved = slopes.T[None, :, :, None] * way[:, None, None] + weights[:, None, :, None] * along[:, :, None]
-    return ClosestPoints(weights, way, -np.einsum("npq,nqad->npad", _inverse_gram(along), moved), slopes)
+    return ClosestPoints(weights, way, along, _SLOPES[kind])
 
 
 def lagged_points(kind: str, x: Floats) -> tuple[Floats, Floats]:
@@ -113,11 +122,11 @@ def lagged_points(kind: str, x: Floats) -> tuple[Floats, Floats]:
     edges inside both, however parallel they are (see `Kind.weights`, whose steps these are)."""
     if kind == "mollified_edge_edge":
         first, second, offset = x[:, 1] - x[:, 0], x[:, 3] - x[:, 2], x[:, 2] - x[:, 0]
-        long_first, long_second = _dot(first, first), _dot(second, second)
+        long_first, long_second = row_dots(first, first), row_dots(second, second)
         normal, area = _normal(first, second)
-        s = (_dot(np.cross(offset, second), normal) / (area + PARALLEL * long_first * long_second)).clip(0, 1)
-        t = (_dot(s[:, None] * first - offset, second) / long_second).clip(0, 1)
-        s = (_dot(offset + t[:, None] * second, first) / long_first).clip(0, 1)
+        s = (row_dots(np.cross(offset, second), normal) / (area + PARALLEL * long_first * long_second)).clip(0, 1)
+        t = (row_dots(s[:, None] * first - offset, second) / long_second).clip(0, 1)
+        s = (row_dots(offset + t[:, None] * second, first) / long_first).clip(0, 1)
         weights = np.stack([s - 1, -s, 1 - t, t], axis=1)
         return weights, offset - s[:, None] * first + t[:, None] * second
     points = closest_points(kind, x)
@@ -148,7 +157,7 @@ def mollifiers(edges: tuple[tuple[int, int], tuple[int, int]], x: Floats, thresh
     (a, b), (c, d) = edges
     u, v = x[:, b] - x[:, a], x[:, d] - x[:, c]
     normal = np.cross(u, v)
-    ratio = _dot(normal, normal) / threshold
+    ratio = row_dots(normal, normal) / threshold
     by_square = (4 * (1 - ratio) / threshold)[:, None]
     of_u, of_v = by_square * np.cross(v, normal), by_square * np.cross(normal, u)
     slopes = np.zeros((len(x), 4, 3))
@@ -168,17 +177,18 @@ def barrier_slopes(barrier: str, excess: Floats, activation: Floats, scale: Floa
     return scale * (away * log) ** 2, common * (log + away / excess), -common * (log + away / activation)
 
 
-def _dot(a: Floats, b: Floats) -> Floats:
-    return np.asarray(np.einsum("nd,nd->n", a, b))
+def _signs(kind: str) -> Floats:
+    """What makes the weights of both pieces positive, [arity]."""
+    return np.where(FIRST_PIECE[kind], -1.0, 1.0)
 
 
 def _normal(first: Floats, second: Floats) -> tuple[Floats, Floats]:
     normal = np.cross(first, second)
-    return normal, _dot(normal, normal)
+    return normal, row_dots(normal, normal)
 
 
 def _part_along(offset: Floats, normal: Floats, area: Floats) -> Floats:
-    return np.asarray((_dot(offset, normal) / area)[:, None] * normal)
+    return np.asarray((row_dots(offset, normal) / area)[:, None] * normal)
 
 
 def _inverse_gram(along: Floats) -> Floats:

@@ -23,7 +23,7 @@ def kinks_of(contact: BarrierContact) -> list[str]:
         if len(pairs) == 0:
             continue
         points = closest_points(kind, _corners(contact, positions, pairs))
-        offsets, _ = points.offsets(kind, radii[pairs.vertices])
+        offsets = points.offset(kind, radii[pairs.vertices])
         gap = np.linalg.norm(points.way, axis=1) - pairs.share * offsets
         named = pairs.vertices[np.abs(gap - reach) < NEAR * reach]
         if len(named):

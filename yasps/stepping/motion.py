@@ -27,7 +27,10 @@ class Motion:
 
     def move(self, directions: Sequence[FloatArray], step: float) -> None:
         """Sets all targets to start - step * direction (the solution of H x = g points uphill)."""
-        self.write([start - step * x for start, x in zip(self.start, directions, strict=True)])
+        moved = [np.multiply(x, step) for x in directions]
+        for start, x in zip(self.start, moved, strict=True):
+            np.subtract(start, x, out=x)
+        self.write(moved)
 
 
 def positions_of(attributes: Sequence[Attribute]) -> FloatArray:

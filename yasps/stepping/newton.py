@@ -24,6 +24,7 @@ from yasps import (
     solve_newton_system,
 )
 from yasps.contact import BarrierContact, Candidates, crushed_gradient
+from yasps.contact.rows import longest_way
 from yasps.frontend.language.arrays import positive_number
 from yasps.output import TimeTable
 from yasps.stepping.detour import Direction, best_direction, direction_of
@@ -149,8 +150,7 @@ class Minimization:
             here, solution = self.direction(here)
             motion = Motion(self.scene)
             direction = direction_of(self, motion, solution)
-            way = direction.end - here
-            longest = float(np.sqrt(np.einsum("ij,ij->i", way, way).max(initial=0.0)))
+            longest = longest_way(here, direction.end)
             report.largest_velocity = longest / self.time_step
             self.stands_still = bool(longest <= 4 * np.finfo(np.float64).eps * np.abs(here).max(initial=0.0))
             is_short = settings.velocity_tolerance is None or report.largest_velocity < settings.velocity_tolerance

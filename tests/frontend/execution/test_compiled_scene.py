@@ -67,6 +67,17 @@ def test_kernels_agree_with_the_interpreter(seed: int) -> None:
     assert np.linalg.eigvalsh(H).min() > -1e-11
 
 
+def test_gradients_of_all_energies_and_of_some() -> None:
+    compiled = build("s", 5).compile()
+    gradients = compiled.gradients()
+    assert list(gradients) == ["m.pairs.spring", "m.triples.area", "m.points.anchor"]
+    whole = compiled.assemble(hessian=False)
+    np.testing.assert_allclose(sum(gradients.values()), whole, rtol=0, atol=1e-12 * abs(whole).max())
+    some = compiled.gradients(["m.points.anchor", "m.pairs.spring"])
+    assert list(some) == ["m.pairs.spring", "m.points.anchor"]
+    np.testing.assert_array_equal(some["m.points.anchor"], gradients["m.points.anchor"])
+
+
 def test_hessian_is_the_difference_of_gradients() -> None:
     scene = build("s", 5)
     compiled = scene.compile()

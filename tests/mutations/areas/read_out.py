@@ -35,8 +35,8 @@ MUTATIONS = (
     Mutation(
         "closest points turn with nothing",
         PAIRS,
-        "moved = slopes.T[None, :, :, None] * way[:, None, None] + ",
-        "moved = ",
+        "self.of_parameters.T[None, :, :, None] * self.way[:, None, None] + (",
+        "(",
         SLOPES,
     ),
     Mutation(
@@ -117,6 +117,13 @@ MUTATIONS = (
         SMALLEST,
     ),
     Mutation(
+        "of crushed pairs all energies pull",
+        "frontend/execution/compiled_scene.py",
+        "if paths is None or term.symbol in paths]",
+        "if True]",
+        ("tests/frontend/execution/test_compiled_scene.py::test_gradients_of_all_energies_and_of_some",),
+    ),
+    Mutation(
         "the scene keeps the crushed pairs alone",
         CRUSHED,
         "    finally:\n        contact.show_only({})",
@@ -126,8 +133,8 @@ MUTATIONS = (
     Mutation(
         "gaps are distances",
         CRUSHED,
-        "found[name] -= points.offsets(name, radii)[0]",
-        "found[name] -= 0.0 * points.offsets(name, radii)[0]",
+        "found[name] -= points.offset(name, radii)",
+        "found[name] -= 0.0 * points.offset(name, radii)",
         SMALLEST,
     ),
 )

@@ -125,7 +125,7 @@ MUTATIONS = (
     Mutation(
         "a pointer that led to a copy is not put back",
         "backend/codegen/program.py",
-        "            array[k] = self._addresses[number]\n",
+        "            pointers[k] = bound.ctypes.data\n",
         "            pass\n",
         (f"{ORDER}::test_new_numbers_and_new_indices_are_seen",),
     ),

@@ -11,6 +11,8 @@ TWO_LEVEL = "tests/runtime/solvers/test_two_level.py"
 COARSE = "runtime/solvers/coarse_space.cpp"
 DIRECT = "tests/runtime/solvers/test_direct.py"
 CODE, PRECONDITIONER = "runtime/solvers/pcg.cpp", "runtime/solvers/preconditioner.cpp"
+BARRIER = "runtime/core/team_barrier.h"
+MEETING = "tests/runtime/core/test_team_barrier.py::test_nobody_goes_on_before_all_have_come"
 INVERSE = "runtime/solvers/inverse.h"
 
 MUTATIONS = (
@@ -115,6 +117,20 @@ MUTATIONS = (
         TEXTBOOK,
     ),
     Mutation(
+        "barrier: nobody waits",
+        BARRIER,
+        "+ 1 == team)",
+        "+ 1 > 0)",
+        (f"{MEETING}[2]",),
+    ),
+    Mutation(
+        "barrier: sleepers are not woken",
+        BARRIER,
+        "if (sleepers_.load() > 0) wake_sleepers();",
+        "",
+        (f"{MEETING}[2]",),
+    ),
+    Mutation(
         "two levels: contacts are left out of the coarse matrix",
         COARSE,
         "for (int p = 0; p < parts.count; ++p) add_part",
@@ -138,8 +154,8 @@ MUTATIONS = (
     Mutation(
         "two levels: a pivot that is not positive is taken",
         COARSE,
-        "if (!invert_lower(c)) return false;",
-        "invert_lower(c);",
+        "if (!invert_lower(c, barrier)) return false;",
+        "invert_lower(c, barrier);",
         (f"{TWO_LEVEL}::test_breakdown_is_said_and_block_jacobi_goes_on",),
     ),
     Mutation(

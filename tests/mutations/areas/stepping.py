@@ -14,6 +14,7 @@ DRIVEN = "tests/simulation/test_driven.py"
 RESCUE = "tests/simulation/test_rescue.py"
 BAD_INPUT = "tests/simulation/test_bad_input.py"
 SIMULATION = "tests/simulation/test_simulation.py"
+FOLLOWS = "tests/runtime/matrix/test_block_matrix.py::test_fixed_rows_and_columns_follow_what_is_fixed_and_the_sparsity"
 CRUSHED = ("tests/stepping/test_crushed_pairs.py::test_crushed_pairs_are_opened",)
 DETOURS = "tests/stepping/test_detour.py"
 DETOUR = "yasps/stepping/detour.py"
@@ -140,8 +141,8 @@ MUTATIONS = (
     Mutation(
         "the Newton step goes uphill",
         MOTION,
-        "start - step * x for start, x in",
-        "start + step * x for start, x in",
+        "np.subtract(start, x, out=x)",
+        "np.add(start, x, out=x)",
         FALL,
     ),
     Mutation(
@@ -378,9 +379,23 @@ MUTATIONS = (
     Mutation(
         "only rows of fixed unknowns are left out",
         "runtime/matrix/block_matrix.py",
-        "np.flatnonzero(fixed[group.rows] | fixed[group.cols])",
-        "np.flatnonzero(fixed[group.rows])",
+        "np.flatnonzero(fixed.take(group.rows) | fixed.take(group.cols))",
+        "np.flatnonzero(fixed.take(group.rows))",
         FIXED,
+    ),
+    Mutation(
+        "what is fixed is looked up once",
+        "runtime/matrix/block_matrix.py",
+        "if self._touched is None or not np.array_equal(self._touched[0], fixed):",
+        "if self._touched is None:",
+        (FOLLOWS,),
+    ),
+    Mutation(
+        "what is fixed is not looked up in a new sparsity",
+        "runtime/matrix/block_matrix.py",
+        "self._groups = self._touched = None",
+        "self._groups = None",
+        (FOLLOWS,),
     ),
     Mutation(
         "fixed unknowns have no diagonal",

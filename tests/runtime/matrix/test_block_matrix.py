@@ -212,3 +212,21 @@ def test_wrong_kappa_and_vector_shapes_are_refused(runtime: Runtime) -> None:
         matrix.multiply(np.zeros(4))
     with pytest.raises(ValueError, match="threads is 0"):
         matrix.multiply(np.zeros(3), threads=0)
+
+
+@pytest.mark.parametrize("with_diagonal", [True, False])
+def test_fixed_rows_and_columns_follow_what_is_fixed_and_the_sparsity(runtime: Runtime, with_diagonal: bool) -> None:
+    matrix = BlockMatrix(runtime, with_diagonal)
+    first, second = np.repeat([True, False, False, False], 3), np.repeat([False, False, True, False], 3)
+    chain, star = np.array([[1, 4], [4, 7], [7, 10]], np.int32), np.array([[1, 7], [7, 10], [4, 10]], np.int32)
+    for kappa, fixed in ((chain, first), (chain, second), (star, second), (star, second)):
+        if not matrix.size or kappa is star:
+            matrix.build(np.array([0, 12]), np.array([3], np.int32), [kappa])
+        matrix.values[:] = np.arange(1.0, 1.0 + matrix.values.size)
+        expected = matrix.to_scipy().toarray()
+        expected[fixed] = 0.0
+        expected[:, fixed] = 0.0
+        if with_diagonal:
+            expected[fixed, fixed] = 1.0
+        matrix.fix(fixed)
+        np.testing.assert_array_equal(matrix.to_scipy().toarray(), expected)
