@@ -190,6 +190,9 @@ void multiply_rows(const Structure& s, const double* values, Range rows, const d
 long reach_of(const Structure& s, Range rows);
 // The first run of the group in this row or a later one; the one behind the last where there is none.
 const Run* first_run(const Structure& s, const Group& group, long row);
+// Sets touched[i / kStretch] for all places i behind these rows that multiply_rows writes.
+constexpr long kStretch = 64;
+void mark_stretches(const Structure& s, Range rows, bool* touched);
 // Doubles of HessianBlocks in the rows before this one.
 long values_before(const Structure& s, long row);
 

@@ -119,7 +119,7 @@ Kind kind_of(const GaussSeidel& s, int row, int col) {
 long list_part(GaussSeidel& s, Lists& lists, Uses* uses, const Structure& structure, const Layout& layout,
                const Piece* pieces, long piece_count, long first) {
     int *const down = lists.down_end.data, *const up = lists.up_end.data;
-    long* const between = s.next.data;             // [pieces]
+    long* const between = s.next.data;               // [pieces]
     long* const cross_down = between + piece_count;  // [pieces]
     long* const cross_up = cross_down + piece_count;
     std::fill_n(s.next.data, 3 * piece_count, 0L);
@@ -218,12 +218,10 @@ void list_stops(GaussSeidel& s, const Piece* pieces, long piece_count) {
             while (stops.early.end < count && s.stops[stops.early.end].moving <= moving.early.end) ++stops.early.end;
             stops.late.begin = stops.early.end;
         };
-        list(s.down_stops[k], s.moving.down[k], [&] {
-            in_order(pieces[k], k, [&](long b) { visit(b, s.fixed.down_end, s.moving.down_end); });
-        });
-        list(s.up_stops[k], s.moving.up[k], [&] {
-            against_order(pieces[k], k, [&](long b) { visit(b, s.fixed.up_end, s.moving.up_end); });
-        });
+        list(s.down_stops[k], s.moving.down[k],
+             [&] { in_order(pieces[k], k, [&](long b) { visit(b, s.fixed.down_end, s.moving.down_end); }); });
+        list(s.up_stops[k], s.moving.up[k],
+             [&] { against_order(pieces[k], k, [&](long b) { visit(b, s.fixed.up_end, s.moving.up_end); }); });
     }
 }
 
@@ -342,16 +340,15 @@ bool list_products(GaussSeidel& s, const System& system, const Piece* pieces, lo
         return lists.down.reserve(piece_count) && lists.up.reserve(piece_count) && lists.between.reserve(piece_count) &&
                lists.down_end.reserve(layout.blocks) && lists.up_end.reserve(layout.blocks);
     };
-    const bool room = s.factors.reserve(layout.inverse_start[layout.blocks]) && s.piece_of.reserve(layout.blocks) &&
-                      s.products.reserve(2 * threes) && s.blocks.reserve(18 * threes + 8) &&
-                      s.other_products.reserve(2 * others) && s.others.reserve(2 * other_values) &&
-                      s.uses.reserve(blocks) && reserve(s.fixed) && reserve(s.moving) &&
-                      s.stops.reserve(2 * layout.blocks) && s.down_stops.reserve(piece_count) &&
-                      s.up_stops.reserve(piece_count) && s.other.reserve(piece_count) &&
-                      s.late.reserve(piece_count) && s.next.reserve(3 * piece_count);
+    const bool room =
+        s.factors.reserve(layout.inverse_start[layout.blocks]) && s.piece_of.reserve(layout.blocks) &&
+        s.products.reserve(2 * threes) && s.blocks.reserve(18 * threes + 8) && s.other_products.reserve(2 * others) &&
+        s.others.reserve(2 * other_values) && s.uses.reserve(blocks) && reserve(s.fixed) && reserve(s.moving) &&
+        s.stops.reserve(2 * layout.blocks) && s.down_stops.reserve(piece_count) && s.up_stops.reserve(piece_count) &&
+        s.other.reserve(piece_count) && s.late.reserve(piece_count) && s.next.reserve(3 * piece_count);
     if (!room) return false;
-    const bool known = s.structure == &fixed && s.build == fixed.builds && before == s.products.data &&
-                       uses_before == s.uses.data;
+    const bool known =
+        s.structure == &fixed && s.build == fixed.builds && before == s.products.data && uses_before == s.uses.data;
     if (!known) {
         for (long k = 0; k < piece_count; ++k)
             std::fill(s.piece_of.data + pieces[k].blocks.begin, s.piece_of.data + pieces[k].blocks.end,
@@ -375,7 +372,8 @@ void factor_diagonal(GaussSeidel& s, const System& system, Piece& piece, double*
         const int q = layout.size[b];
         double* const out = s.factors.data + layout.inverse_start[b];
         double small[9];
-        const Reason status = q == 3 ? factor_block(3, system, b, out, small) : factor_block(q, system, b, out, scratch);
+        const Reason status =
+            q == 3 ? factor_block(3, system, b, out, small) : factor_block(q, system, b, out, scratch);
         if (status == kConverged) continue;
         piece.bad_block = b;
         piece.bad_status = status;

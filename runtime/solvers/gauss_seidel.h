@@ -1,10 +1,11 @@
-// Symmetric block Gauss-Seidel as preconditioner: M = (D + L) D^-1 (D + L)^T, D the diagonal blocks of H. L is what lies
-// below them in an order of its own, of 3x3 blocks and within a pair of pieces.
+// Symmetric block Gauss-Seidel as preconditioner: M = (D + L) D^-1 (D + L)^T, D the diagonal blocks of H. L is what
+// lies below them in an order of its own, of 3x3 blocks and within a pair of pieces.
 //
 // In that order the first piece of a pair runs down to where it meets the second one, and the second runs up to there;
-// last come those rows of the second that are coupled with the first. So both are swept side by side and nothing between
-// them is left out (a twisted factorisation: van der Vorst 1987, Large tridiagonal and block tridiagonal linear systems
-// on vector and parallel computers, Parallel Computing 5). What couples pairs is not in L: there fewer are better.
+// last come those rows of the second that are coupled with the first. So both are swept side by side and nothing
+// between them is left out (a twisted factorisation: van der Vorst 1987, Large tridiagonal and block tridiagonal linear
+// systems on vector and parallel computers, Parallel Computing 5). What couples pairs is not in L: there fewer are
+// better.
 //
 // Conjugate gradients run on (D + L)^-1 H (D + L)^-T, of which a product takes two sweeps and no product with H
 // (Eisenstat 1981, Efficient implementation of a class of preconditioned conjugate gradient methods, SIAM J. Sci. Stat.
@@ -46,7 +47,8 @@ struct Sweep {
     Range early, cross, late;
 };
 
-// What a part has of L, of its transpose, and of E, [pieces]; and where what comes from a dof block ends in the first two.
+// What a part has of L, of its transpose, and of E, [pieces]; and where what comes from a dof block ends in the first
+// two.
 struct Lists {
     Buffer<Sweep> down, up;
     Buffer<Range> between;
@@ -101,8 +103,8 @@ void apply_inverse_factor(const GaussSeidel& s, const Layout& layout, const Piec
 void apply_inverse_factor_transposed(const GaussSeidel& s, const Layout& layout, const Piece& piece, double* v);
 
 // For the piece number k; numbers in gaps of padded vectors lose their meaning.
-// v = (I + L)^-T v and v = (I + L)^-1 v: of all pieces first the early, then, after a barrier, the late part. other: v of
-// the piece before.
+// v = (I + L)^-T v and v = (I + L)^-1 v: of all pieces first the early, then, after a barrier, the late part. other: v
+// of the piece before.
 void solve_upper_early(const GaussSeidel& s, long k, double* v);
 void solve_upper_late(const GaussSeidel& s, long k, double* v);
 void solve_lower_early(const GaussSeidel& s, long k, double* v);

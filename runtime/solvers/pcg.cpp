@@ -27,7 +27,7 @@ bool cut_pieces(Workspace& w, const System& system, long pieces, const System& w
     if (!w.pieces.reserve(pieces)) return false;
     w.piece_count = pieces;
     const long whole = work_before(work, layout.blocks);
-    long products = 0;
+    long products = 0, stretches = 0;
     for (long k = 0, begin = 0; k < pieces; ++k) {
         // The first block with at least this piece's share of the work before it.
         long end = begin, high = layout.blocks;
@@ -48,14 +48,18 @@ bool cut_pieces(Workspace& w, const System& system, long pieces, const System& w
             if (reach > p.reach) p.reach = reach;
         }
         products += p.reach - p.own.begin;
+        stretches += stretches_of(p).end - stretches_of(p).begin;
         begin = end;
     }
-    if (!w.products.reserve(products)) return false;
+    if (!w.products.reserve(products) || !w.touched.reserve(stretches)) return false;
     double* next = w.products.data;
+    bool* next_stretch = w.touched.data;
     for (long k = 0; k < pieces; ++k) {
         Piece& p = w.pieces[k];
         p.product = next - p.own.begin;
+        p.touched = next_stretch - stretches_of(p).begin;
         next += p.reach - p.own.begin;
+        next_stretch += stretches_of(p).end - stretches_of(p).begin;
     }
     return true;
 }
@@ -189,7 +193,7 @@ void iterate(Workspace& w, const System& system, const Options& options, const d
     };
 
     for (Piece& p : share) {
-        start_vectors(w, layout, g, x0, w.x.data, p);
+        start_vectors(w, system, g, x0, w.x.data, p);
         invert_diagonal_of(w, system, p);
     }
     w.barrier.wait();
@@ -280,8 +284,10 @@ bool reserve(Workspace& w, const System& system, long pieces, long threads, int 
     const long n = layout.padded + 8;
     return w.x.reserve(n) && w.g.reserve(n) && w.residual.reserve(n) && w.direction.reserve(n) &&
            w.preconditioned.reserve(n) && w.inverse.reserve(layout.inverse_start[layout.blocks]) &&
-           w.scratch.reserve(pieces * layout.largest * layout.largest) && cut_pieces(w, system, pieces, swept ? fixed : system) &&
-           (!swept || (w.start.reserve(n) && w.image.reserve(n) && list_products(w.sweeps, system, w.pieces.data, pieces))) &&
+           w.scratch.reserve(pieces * layout.largest * layout.largest) &&
+           cut_pieces(w, system, pieces, swept ? fixed : system) &&
+           (!swept ||
+            (w.start.reserve(n) && w.image.reserve(n) && list_products(w.sweeps, system, w.pieces.data, pieces))) &&
            (!coarse || (find_aggregates(*system.structures[0]) &&
                         reserve_coarse_space(w.coarse, *system.structures[0], pieces, threads)));
 }
@@ -295,7 +301,8 @@ yasps::Workspace* yasps_workspace_new() { return new (std::nothrow) yasps::Works
 void yasps_workspace_free(yasps::Workspace* w) { delete w; }
 
 // Solves (sum of parts) x = g. All parts have the same layout. x0 and history may be null. preconditioner: see
-// Preconditioner; without anything to sweep, and where the sweeps have too few digits, block Jacobi takes over. Results are the same for the same number of pieces, whatever the number of threads.
+// Preconditioner; without anything to sweep, and where the sweeps have too few digits, block Jacobi takes over. Results
+// are the same for the same number of pieces, whatever the number of threads.
 int yasps_solve(yasps::Workspace* w, int parts, const yasps::Structure* const* structures, const double* const* values,
                 const double* g, const double* x0, double* x, double tolerance, long max_iterations, int preconditioner,
                 double* history, int threads, int pieces, yasps::SolveResult* result) {
@@ -330,7 +337,7 @@ int yasps_multiply(yasps::Workspace* w, const yasps::Structure* structure, const
         const yasps::ThreadShare share = yasps::share_of_thread(*w);
         for (const yasps::Piece& p : share) {
             yasps::pack(layout, p.blocks, x, w->x.data);
-            yasps::clear(p.product, p.own.begin, p.reach);
+            yasps::start_product(system, p);
         }
         w->barrier.wait();
         for (const yasps::Piece& p : share) yasps::multiply_piece(system, p, w->x.data);

@@ -22,11 +22,15 @@ struct Piece {
     Range own;        // the same in padded vectors
     long reach;       // end of what the product of its rows writes; it begins with the own part
     double* product;  // of its rows alone; only [own.begin, reach) exists
+    bool* touched;    // whether a stretch of it behind the own part is written; only those up to reach exist
     double sums[3];   // what the piece adds to sums over all unknowns
     long bad_block;   // the first block that cannot be inverted, or -1
     Reason bad_status;
-    char distance[48];  // neighbours in the list are written by different threads
+    char distance[40];  // neighbours in the list are written by different threads
 };
+
+// Stretches behind the own part.
+inline Range stretches_of(const Piece& p) { return {p.own.end / kStretch, (p.reach + kStretch - 1) / kStretch}; }
 
 // Whether every dof block is one vector, as in most scenes.
 inline bool has_threes_only(const Layout& layout) { return layout.classes == 1 && layout.largest == 3; }

@@ -9,7 +9,8 @@
 namespace yasps {
 namespace {
 
-// The iteration aims at this share of the tolerance, so that rounding of H' does not leave the true residual just above.
+// The iteration aims at this share of the tolerance, so that rounding of H' does not leave the true residual just
+// above.
 constexpr double kAim = 0.99;
 // After so much less of the squared residual the true one is looked at.
 constexpr double kDigits = 1e-10;
@@ -30,8 +31,8 @@ void take_solution(Workspace& w, const Layout& layout, const Piece& p) {
     }
 }
 
-// Visits the vectors of a piece, (place, what to keep of the vector there): gaps of padded vectors, in which sweeps leave
-// numbers without a meaning, become zero.
+// Visits the vectors of a piece, (place, what to keep of the vector there): gaps of padded vectors, in which sweeps
+// leave numbers without a meaning, become zero.
 template <class Visit>
 YASPS_ALWAYS_INLINE void for_each_vector(const Layout& layout, const Piece& p, Visit visit) {
     const auto three = [](d4 v) { return __builtin_shufflevector(v, d4{}, 0, 1, 2, 4); };
@@ -140,7 +141,7 @@ void iterate_swept(Workspace& w, const System& system, const Options& options, c
     };
 
     on_pieces(w, share, [&](Piece& p, long k) {
-        start_vectors(w, layout, g, x0, w.start.data, p);
+        start_vectors(w, system, g, x0, w.start.data, p);
         clear(w.x.data, p.own.begin, p.own.end);
         factor_diagonal(w.sweeps, system, p, w.scratch.data + k * layout.largest * layout.largest);
     });

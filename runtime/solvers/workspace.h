@@ -13,6 +13,7 @@ namespace yasps {
 struct Workspace {
     Buffer<double> x, g, residual, direction, preconditioned;  // padded vectors
     Buffer<double> products;                                   // of all pieces, one after another
+    Buffer<bool> touched;                                      // the same for stretches
     Buffer<double> inverse;                                    // inverted diagonal blocks
     Buffer<double> scratch;                                    // one diagonal block per piece
     Buffer<Piece> pieces;
@@ -59,6 +60,25 @@ inline void clear(double* vector, long begin, long end) {
     if (end > begin) memset(vector + begin, 0, static_cast<size_t>(end - begin) * sizeof(double));
 }
 
+// Calls f(begin, end) for what the rows of a piece write in a range behind them.
+template <class F>
+void for_each_touched(const Piece& p, Range range, F f) {
+    for (long stretch = range.begin / kStretch; stretch * kStretch < range.end; ++stretch) {
+        if (!p.touched[stretch]) continue;
+        const long begin = stretch * kStretch, end = begin + kStretch;
+        f(begin < range.begin ? range.begin : begin, end < range.end ? end : range.end);
+    }
+}
+
+// Makes the product ready for multiply_piece.
+inline void start_product(const System& system, const Piece& p) {
+    const Range stretches = stretches_of(p);
+    for (long stretch = stretches.begin; stretch < stretches.end; ++stretch) p.touched[stretch] = false;
+    for (int part = 0; part < system.parts; ++part) mark_stretches(*system.structures[part], p.own, p.touched);
+    clear(p.product, p.own.begin, p.own.end);
+    for_each_touched(p, {p.own.end, p.reach}, [&](long begin, long end) { clear(p.product, begin, end); });
+}
+
 // product += H x for the rows of a piece; complete once gather has run after a barrier.
 inline void multiply_piece(const System& system, const Piece& p, const double* x) {
     for (int part = 0; part < system.parts; ++part)
@@ -69,11 +89,13 @@ inline void multiply_piece(const System& system, const Piece& p, const double* x
 // to the right of their first row, since only the upper triangle is stored.
 inline void gather(const Workspace& w, const Piece& p) {
     for (const Piece* from = w.pieces.data; from != &p; ++from) {
-        const long end = from->reach < p.own.end ? from->reach : p.own.end;
-        for (long i = p.own.begin; i < end; i += 4) {
-            store(p.product + i, load(p.product + i) + load(from->product + i));
-            store(from->product + i, d4{});
-        }
+        const long reach = from->reach < p.own.end ? from->reach : p.own.end;
+        for_each_touched(*from, {p.own.begin, reach}, [&](long begin, long end) {
+            for (long i = begin; i < end; i += 4) {
+                store(p.product + i, load(p.product + i) + load(from->product + i));
+                store(from->product + i, d4{});
+            }
+        });
     }
 }
 
@@ -96,13 +118,14 @@ inline double dot(Range range, const double* a, const double* b) {
 
 // Vectors of a piece before the first iteration, x in `to`; two of its sums become whether g is not finite, and its
 // largest entry.
-inline void start_vectors(Workspace& w, const Layout& layout, const double* g, const double* x, double* to, Piece& p) {
+inline void start_vectors(Workspace& w, const System& system, const double* g, const double* x, double* to, Piece& p) {
+    const Layout& layout = system.layout();
     pack(layout, p.blocks, g, w.g.data);
     if (x != nullptr)
         pack(layout, p.blocks, x, to);
     else
         clear(to, p.own.begin, p.own.end);
-    clear(p.product, p.own.begin, p.reach);
+    start_product(system, p);
     double largest = 0;
     bool finite = true;
     for (long i = p.own.begin; i < p.own.end; ++i) {
