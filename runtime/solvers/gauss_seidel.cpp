@@ -311,13 +311,7 @@ void scale_any(const double* h, int r, int c, const double* wi, const double* wj
 bool can_sweep(const Structure& structure) {
     long couplings = 0;
     for_each_coupling(structure, [&](const Group& group, long, int, int) { couplings += is_three(group); });
-    return couplings >= structure.layout.blocks;
-}
-
-long pieces_to_sweep(const Layout& layout, long processors) {
-    long pieces = 1;
-    while (pieces < kMostPieces && pieces < processors && layout.blocks >= 2 * pieces * kFewestRows) pieces *= 2;
-    return pieces;
+    return 2 * couplings >= structure.layout.blocks;
 }
 
 bool list_products(GaussSeidel& s, const System& system, const Piece* pieces, long piece_count) {

@@ -88,8 +88,6 @@ struct GaussSeidel {
 
 // Whether the static part couples enough 3x3 blocks.
 bool can_sweep(const Structure& structure);
-// How many pieces a system is cut into at most, for so many processors.
-long pieces_to_sweep(const Layout& layout, long processors);
 // Lists all products, before the region. False: out of memory.
 bool list_products(GaussSeidel& s, const System& system, const Piece* pieces, long piece_count);
 

@@ -279,7 +279,6 @@ bool reserve(Workspace& w, const System& system, long pieces, long threads, int 
     const bool coarse = preconditioner == kTwoLevel, swept = preconditioner == kGaussSeidel;
     // Sweeps follow the static part, so that their lists stay while it does.
     const System fixed = {1, system.structures, system.values};
-    if (swept) pieces = pieces_to_sweep(system.layout(), pieces);
     const Layout& layout = system.layout();
     const long n = layout.padded + 8;
     return w.x.reserve(n) && w.g.reserve(n) && w.residual.reserve(n) && w.direction.reserve(n) &&

@@ -13,6 +13,7 @@ from typing import ClassVar, Protocol, TypeVar
 import numpy as np
 
 from yasps.runtime.core.library import (
+    DETERMINISTIC_PIECES,
     FloatArray,
     IntArray,
     LongArray,
@@ -191,6 +192,18 @@ class PreconditionerChoice:
         self.two_level, self.lead, self.solved, self.wait = bool(two_level), lead, int(solved), int(wait)
 
 
+_FEWEST_ROWS = 1024
+"""Dof blocks of a piece that is swept; smaller ones would make the preconditioner worse."""
+
+
+def _pieces_to_sweep(part: Part) -> int:
+    """How many pieces the rows are cut into: not more than processors can use, and the same for any number of threads."""
+    pieces = 1
+    while pieces < min(DETERMINISTIC_PIECES, available_processors()) and 2 * pieces * _FEWEST_ROWS <= _block_count(part):
+        pieces *= 2
+    return pieces
+
+
 def _block_count(part: Part) -> int:
     return int((np.diff(part.boundaries) // part.block_sizes).sum())
 
@@ -292,7 +305,7 @@ class PcgSolver(Uncopied):
                 _KINDS[kind],
                 history.ctypes.data if history is not None else None,
                 count,
-                available_processors() if sweeps else piece_count(count, self._deterministic),
+                _pieces_to_sweep(parts[0]) if sweeps else piece_count(count, self._deterministic),
                 ctypes.addressof(result),
             )
             check_status(status)

@@ -21,7 +21,7 @@ from yasps.runtime.solvers.options import SolveOptions
         ({"max_iterations": 1.5}, "max_iterations of the linear solver must be an integer >= 0, got 1.5"),
         ({"max_iterations": 2**31}, "max_iterations of the linear solver must be an integer >= 0, got 2147483648"),
         ({"solver": "cg"}, "solver must be one of pcg, direct, auto, got 'cg'"),
-        ({"preconditioner": "ilu"}, "preconditioner must be one of auto, jacobi, two-level, got 'ilu'"),
+        ({"preconditioner": "ilu"}, "preconditioner must be one of auto, jacobi, gauss-seidel, two-level, got 'ilu'"),
         ({"projection": "never"}, "projection must be one of always, on-demand, auto, got 'never'"),
     ],
 )

@@ -58,7 +58,7 @@ def test_solves_as_the_cpu_does(
     g = rng.standard_normal(system.size)
     x0 = rng.standard_normal(system.size) if warm else None
     start = system.vector(x0) if x0 is not None else None
-    options = SolveOptions(1e-25, 500, history=True)
+    options = SolveOptions(1e-25, 500, history=True, preconditioner="jacobi")
     expected, cpu = PcgSolver(runtime).solve(system.cpu, g, options, x0)
     x, report = maker.solver(deterministic).solve(system.parts, system.vector(g), options, start)
     assert report.converged
@@ -106,8 +106,9 @@ def test_stops_after_the_last_allowed_iteration(maker: Maker, runtime: Runtime, 
     """Also in the middle of a recorded graph, and at its end: x is that of the last iteration."""
     system = maker.random(scene)
     g = np.random.default_rng(1).standard_normal(system.size)
-    expected, cpu = PcgSolver(runtime).solve(system.cpu, g, SolveOptions(0.0, limit, history=True))
-    x, report = maker.solver().solve(system.parts, system.vector(g), SolveOptions(0.0, limit, history=True))
+    options = SolveOptions(0.0, limit, history=True, preconditioner="jacobi")
+    expected, cpu = PcgSolver(runtime).solve(system.cpu, g, options)
+    x, report = maker.solver().solve(system.parts, system.vector(g), options)
     assert report.reason is StopReason.MAX_ITERATIONS
     assert report.iterations == limit
     assert_same(report, cpu)

@@ -121,25 +121,30 @@ def test_both_graphs_are_kept(maker: Maker) -> None:
         assert maker.device.graphs == expected
 
 
-def test_auto_decides_as_on_the_cpu(maker: Maker, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_auto_decides_by_what_both_take(maker: Maker, monkeypatch: pytest.MonkeyPatch) -> None:
     """What a trial finds, while the solution of the first solve stays, also from a start that lies in its place."""
     for name, value in (("FEWEST_BLOCKS", 10), ("SLOW", 7), ("SETUP", 0.0), ("SHORTEST_WAIT", 0)):
         monkeypatch.setattr(PreconditionerChoice, name, value)
     hard, easy = net_system(maker), net_system(maker, stiffness=1e-4)
     easy.cpu[1].values[:] = 0.0
     easy.send_values()
-    options = SolveOptions(1e-12, history=True, preconditioner="auto")
-    twins = PcgSolver(maker.runtime), maker.solver()
+    solver = maker.solver()
     found: list[bool] = []
     expected, x = None, None
     for number, system in enumerate((hard, hard, easy, easy)):
         g = np.roll(right_side(system), number)
         starts = (expected, x) if number == 1 else (None, None)
-        expected, cpu = twins[0].solve(system.cpu, g, options, starts[0])
-        x, report = twins[1].solve(system.parts, system.vector(g), options, starts[1])
+        x, report = solver.solve(
+            system.parts, system.vector(g), SolveOptions(1e-12, history=True, preconditioner="auto"), starts[1]
+        )
+        kinds = ("two-level", "jacobi") if report.two_level else ("jacobi", "two-level")
+        (expected, cpu), (_, other) = (
+            PcgSolver(maker.runtime).solve(system.cpu, g, SolveOptions(1e-12, preconditioner=kind), starts[0])
+            for kind in kinds
+        )
         np.testing.assert_allclose(x.download(), expected, rtol=0, atol=1e-9 * np.abs(expected).max())
         assert (report.iterations, report.two_level) == (cpu.iterations, cpu.two_level)
-        assert report.trial_iterations == cpu.trial_iterations
+        assert 0 <= report.trial_iterations <= other.iterations
         assert report.trial_iterations > 0 or number > 1
         found.append(report.two_level)
     assert found[:2] == [False, True]
