@@ -199,7 +199,9 @@ _FEWEST_ROWS = 1024
 def _pieces_to_sweep(part: Part) -> int:
     """How many pieces the rows are cut into: not more than processors can use, and the same for any number of threads."""
     pieces = 1
-    while pieces < min(DETERMINISTIC_PIECES, available_processors()) and 2 * pieces * _FEWEST_ROWS <= _block_count(part):
+    while pieces < min(DETERMINISTIC_PIECES, available_processors()) and 2 * pieces * _FEWEST_ROWS <= _block_count(
+        part
+    ):
         pieces *= 2
     return pieces
 
