@@ -364,8 +364,8 @@ class Scene(SceneNames, Entity):
         iterations for; "auto", the one that did better (see `LinearSolver`). projection: "always"; "on-demand", which
         removes negative eigenvalues only if the exact Hessian turns out not to be positive definite; "auto", the same,
         but always for energies whose instances change (see `solve_newton_system`). history: keep the residual of every
-        iteration of conjugate gradients in the report. preconditioner: of conjugate gradients, "jacobi", "gauss-seidel", "two-level" or
-        "auto" (see `PcgSolver`).
+        iteration of conjugate gradients in the report. preconditioner: of conjugate gradients, "jacobi",
+        "gauss-seidel", "two-level" or "auto" (see `PcgSolver`).
         fixed: target -> which of its instances stay as they are, bool [instances]: gradient and x are 0 there, and the
         system is that of the others. Nothing is compiled for it. Raises SceneError for what is no target, DataError.
         """

@@ -110,9 +110,10 @@ class PreconditionerChoice:
     """What preconditioner="auto" has learned of a scene. It counts iterations, not seconds, so that it decides the same
     in every run.
 
-    Gauss-Seidel begins, block Jacobi on a GPU; where it is not done in PATIENCE iterations, the coarse space solves that system and the next
-    ones. Now and then a system is solved with the other preconditioner, too, and the next systems get the one that was
-    cheaper in the latest of these trials. Trials become rare while they change nothing.
+    Gauss-Seidel begins, block Jacobi on a GPU; where it is not done in PATIENCE iterations, the coarse space solves
+    that system and the next ones. Now and then a system is solved with the other preconditioner, too, and the next
+    systems get the one that was cheaper in the latest of these trials. Trials become rare while they change
+    nothing.
     """
 
     two_level: bool = False
@@ -197,11 +198,9 @@ _FEWEST_ROWS = 1024
 
 
 def _pieces_to_sweep(part: Part) -> int:
-    """How many pieces the rows are cut into: not more than processors can use, and the same for any number of threads."""
-    pieces = 1
-    while pieces < min(DETERMINISTIC_PIECES, available_processors()) and 2 * pieces * _FEWEST_ROWS <= _block_count(
-        part
-    ):
+    """How many pieces rows are cut into: as many as processors can use, and as many for any number of threads."""
+    most, blocks, pieces = min(DETERMINISTIC_PIECES, available_processors()), _block_count(part), 1
+    while pieces < most and 2 * pieces * _FEWEST_ROWS <= blocks:
         pieces *= 2
     return pieces
 
@@ -228,7 +227,7 @@ _KINDS = {"jacobi": 0, "two-level": 1, "gauss-seidel": 2}
 
 
 class PcgSolver(Uncopied):
-    """Conjugate gradients with block Jacobi (paper, section 8 and appendix D), Gauss-Seidel or two levels as preconditioner.
+    """Conjugate gradients (paper, section 8 and appendix D), with block Jacobi, Gauss-Seidel or two levels.
 
     Owns the solver's vectors; keep one and use it for every solve. choice: what preconditioner="auto" has learned.
     """
@@ -265,12 +264,13 @@ class PcgSolver(Uncopied):
         diagonal blocks of H. That is a *squared* norm: tolerance 1e-4 asks for 1e-2 in the norm. It is the same norm
         whatever the preconditioner is. The reference is g also with a start vector. g = 0 gives x = 0.
 
-        Gauss-Seidel is (D + L) D^-1 (D + L)^T, L what lies below D in an order of the dof blocks. It sweeps over the 3x3
-        blocks of the first two parts; other blocks have a part in D alone, and where the first part couples few 3x3
-        blocks, block Jacobi solves. The rows are cut into pieces, 2 for 2 processors, 16 for 16 or more, 1 for less than
-        2,048 dof blocks; what couples one pair of pieces with another is not in L. The matrix of its products is kept
-        as float32, scaled to unit diagonal blocks; residuals are checked with H itself, and where float32 is not
-        enough, block Jacobi goes on, and `report.why` says so.
+        Gauss-Seidel is (D + L) D^-1 (D + L)^T, L what lies below D in an order of the dof blocks (Eisenstat 1981; see
+        gauss_seidel.h). It sweeps over the 3x3 blocks of the first two parts; others have a part in D alone, and where
+        the first part couples few 3x3 blocks, block Jacobi solves. Rows are cut into pieces, as many as a power of two
+        can be for the processors, up to 16, and one for less than 2,048 dof blocks; what couples a pair of pieces with
+        another is not in L. The products are of float32 numbers, scaled to unit diagonal blocks, which take 1.2 times
+        the memory of H; residuals are checked with H itself, and where float32 is not enough, block Jacobi goes on, and
+        `report.why` says so.
 
         The two-level preconditioner is D^-1 + P (P^T H P)^-1 P^T, where P moves the dof blocks of an aggregate
         together, blocks of one size that are coupled in parts[0]. Aggregates are so large that the square of the coarse
@@ -278,9 +278,10 @@ class PcgSolver(Uncopied):
         parts[0] has its structure; numbers are those of this system. Where P^T H P is not positive definite, block
         Jacobi goes on alone, and report and log say so.
 
-        Returns x and the report; always look at `report.reason`. x is the last iterate (x0 when the iteration could not
-        start). The result is the same bit for bit in every run with the same number of threads, with Gauss-Seidel or of a
-        deterministic solver with any number of threads, on machines with as many processors. Raises ValueError for arguments that do not fit together, MemoryError.
+        Returns x and the report; always look at `report.reason`. x is the last iterate (x0 when the iteration could
+        not start). The result is the same bit for bit in every run with the same number of threads, of a deterministic
+        solver with any number; with Gauss-Seidel, on machines with as many processors. Raises ValueError for arguments
+        that do not fit together, MemoryError.
         """
         check_parts(parts)
         size = parts[0].size
@@ -289,7 +290,8 @@ class PcgSolver(Uncopied):
         count = self._runtime.thread_count(threads)
 
         def run(two_level: bool, max_iterations: int) -> tuple[FloatArray, SolveReport]:
-            kind = "two-level" if two_level else "jacobi" if options.preconditioner == "jacobi" else "gauss-seidel"
+            alone = "jacobi" if options.preconditioner == "jacobi" else "gauss-seidel"
+            kind = "two-level" if two_level else alone
             sweeps = kind == "gauss-seidel"
             x = np.empty(size)
             history = np.full(max_iterations + 1, np.nan) if options.history else None

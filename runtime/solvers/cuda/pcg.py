@@ -110,7 +110,7 @@ class CudaSolver:
         """
         if options.preconditioner == "gauss-seidel":
             raise ValueError(
-                'preconditioner="gauss-seidel" is for the CPU: its sweeps would run on one thread of a GPU. Take "auto", '
+                'preconditioner="gauss-seidel" is for the CPU, since its sweeps go row after row: on a GPU take "auto", '
                 '"jacobi" or "two-level"'
             )
         check_targets(parts)

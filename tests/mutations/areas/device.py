@@ -389,7 +389,7 @@ MUTATIONS = (
         "runtime/solvers/cuda/pcg.py",
         "                self._copy_of(kept, self._x)\n",
         "                pass\n",
-        (f"{TWO_LEVEL}::test_auto_decides_as_on_the_cpu",),
+        (f"{TWO_LEVEL}::test_auto_decides_by_what_both_take",),
     ),
     Mutation(
         "two levels: a breakdown is not noticed",

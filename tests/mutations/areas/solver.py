@@ -10,6 +10,10 @@ ONE_ITERATION = (f"{SOLVER}::test_block_diagonal_system_takes_one_iteration",)
 TWO_LEVEL = "tests/runtime/solvers/test_two_level.py"
 COARSE = "runtime/solvers/coarse_space.cpp"
 DIRECT = "tests/runtime/solvers/test_direct.py"
+WORKSPACE = "runtime/solvers/workspace.h"
+SWEEPS = "runtime/solvers/gauss_seidel.cpp"
+SWEPT = "runtime/solvers/swept_pcg.cpp"
+GAUSS_SEIDEL = "tests/runtime/solvers/test_gauss_seidel.py"
 CODE, PRECONDITIONER = "runtime/solvers/pcg.cpp", "runtime/solvers/preconditioner.cpp"
 BARRIER = "runtime/core/team_barrier.h"
 MEETING = "tests/runtime/core/test_team_barrier.py::test_nobody_goes_on_before_all_have_come"
@@ -60,14 +64,14 @@ MUTATIONS = (
     ),
     Mutation(
         "conjugate gradients: what other threads found for a row stays there",
-        CODE,
+        WORKSPACE,
         "            store(from->product + i, d4{});\n",
         "",
         TEXTBOOK,
     ),
     Mutation(
         "conjugate gradients: the end of a dot product is left out",
-        CODE,
+        WORKSPACE,
         "for (; i < range.end; i += 4) first += load(a + i) * load(b + i);",
         "",
         TEXTBOOK,
@@ -95,9 +99,9 @@ MUTATIONS = (
     ),
     Mutation(
         "preconditioner: the last part's diagonal blocks are taken for the sum",
-        PRECONDITIONER,
-        "scratch[k] += part[k];",
-        "scratch[k] = part[k];",
+        "runtime/solvers/preconditioner.h",
+        "sum[k] += part[k];",
+        "sum[k] = part[k];",
         TEXTBOOK,
     ),
     Mutation(
@@ -129,6 +133,69 @@ MUTATIONS = (
         "if (sleepers_.load() > 0) wake_sleepers();",
         "",
         (f"{MEETING}[2]",),
+    ),
+    Mutation(
+        "sweeps: contacts are not in them",
+        SWEEPS,
+        "if (moving[b] == taken) return;",
+        "return;",
+        (f"{GAUSS_SEIDEL}::test_iterations_are_those_of_textbook_pcg",),
+    ),
+    Mutation(
+        "sweeps: what two pieces share is left out of the product",
+        SWEEPS,
+        "    multiply_list<-1>(s, s.fixed.down[k].cross, other, v);\n",
+        "",
+        (f"{GAUSS_SEIDEL}::test_solves_to_the_last_digits[2-False]",),
+    ),
+    Mutation(
+        "sweeps: rows that the other piece is coupled with do not wait",
+        SWEEPS,
+        "s.late[second] = col + 1;",
+        "s.late[second] = 0;",
+        (f"{GAUSS_SEIDEL}::test_two_pieces_leave_nothing_out",),
+    ),
+    Mutation(
+        "sweeps: the second piece runs down as well",
+        SWEEPS,
+        "    if (k % 2 == 0)\n",
+        "    if (k % 2 < 2)\n",
+        (f"{GAUSS_SEIDEL}::test_solves_to_the_last_digits[2-False]",),
+    ),
+    Mutation(
+        "sweeps: blocks of other shapes are left out",
+        SWEEPS,
+        "    multiply_others(s, s.other[k], t, v);\n",
+        "",
+        (f"{GAUSS_SEIDEL}::test_solves_to_the_last_digits[1-False]",),
+    ),
+    Mutation(
+        "sweeps: the lists of a static part outlive its structure",
+        "runtime/matrix/block_matrix.cpp",
+        "    ++s->builds;\n",
+        "",
+        (f"{GAUSS_SEIDEL}::test_lists_follow_the_structure[1]",),
+    ),
+    Mutation(
+        "sweeps: the tolerance is compared in the swept system's own norm",
+        SWEPT,
+        "relative = total(w, 2) / reference;",
+        "relative = swept / reference;",
+        (f"{GAUSS_SEIDEL}::test_iterations_are_those_of_textbook_pcg",),
+    ),
+    Mutation(
+        "sweeps: what float32 says of the residual is believed",
+        SWEPT,
+        "if (reason != kConverged) return stop(iteration, relative, reason, -1);",
+        "return stop(iteration, relative, reason, -1);",
+        (f"{GAUSS_SEIDEL}::test_solves_to_the_last_digits[1-False]",),
+    ),
+    Mutation(
+        "sweeps: nobody takes over",
+        SWEPT,
+        "if (relative > kStagnant * before) return stop(iteration, relative, kTooFewDigits, -1);",
+        "",
+        (f"{GAUSS_SEIDEL}::test_block_jacobi_goes_on_where_float32_is_not_enough[1]",),
     ),
     Mutation(
         "two levels: contacts are left out of the coarse matrix",

@@ -103,7 +103,7 @@ MUTATIONS = (
     ),
     Mutation(
         "what rows write behind them is not emptied first",
-        "runtime/solvers/pcg.cpp",
+        "runtime/solvers/workspace.h",
         "[&](long begin, long end) { clear(p.product, begin, end); }",
         "[](long, long) {}",
         FAR,

@@ -250,7 +250,7 @@ def test_more_pieces_for_more_processors_and_larger_systems(runtime: Runtime, mo
         for blocks in (0, 2047, 2048, 4096, 10**6):
             part = BlockMatrix(runtime)
             part.boundaries, part.block_sizes = np.array([0, 3 * blocks]), np.array([3], np.int32)
-            found[processors, blocks] = pcg._pieces_to_sweep(part)  # noqa: SLF001
+            found[processors, blocks] = pcg._pieces_to_sweep(part)
     assert [found[2, blocks] for blocks in (0, 2047, 2048, 4096, 10**6)] == [1, 1, 2, 2, 2]
     assert [found[processors, 10**6] for processors in (1, 2, 3, 64)] == [1, 2, 4, 16]
 

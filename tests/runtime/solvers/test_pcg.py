@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -13,6 +14,8 @@ from yasps.runtime.solvers.options import SolveOptions
 from yasps.runtime.solvers.pcg import PcgSolver, StopReason
 
 THREADS = (1, 2)
+jacobi = partial(SolveOptions, preconditioner="jacobi")
+"""Options of what is tested here."""
 
 
 def block_jacobi(dense: np.ndarray, scene: Any) -> np.ndarray:
@@ -60,7 +63,7 @@ def test_solves_sum_of_parts(runtime: Runtime, scene: Any, threads: int, warm: b
     rng = np.random.default_rng(1)
     g = rng.standard_normal(scene.size)
     x0 = rng.standard_normal(scene.size) if warm else None
-    x, report = PcgSolver(runtime).solve(parts, g, SolveOptions(1e-28, 500, history=True), x0, threads=threads)
+    x, report = PcgSolver(runtime).solve(parts, g, jacobi(1e-28, 500, history=True), x0, threads=threads)
     assert report.reason is StopReason.CONVERGED
     assert report.converged
     np.testing.assert_allclose(x, np.linalg.solve(dense, g), rtol=1e-10, atol=1e-12)
@@ -95,7 +98,7 @@ def test_residuals_are_those_of_textbook_pcg(runtime: Runtime, scene: Any, threa
         z = np.linalg.solve(m, r)
         p, rz = z + (r @ z) / rz * p, r @ z
         expected.append(rz / (g @ np.linalg.solve(m, g)))
-    options = SolveOptions(0.0, 5, history=True, preconditioner="jacobi")
+    options = jacobi(0.0, 5, history=True)
     got, report = PcgSolver(runtime).solve(parts, g, options, threads=threads)
     assert report.reason is StopReason.MAX_ITERATIONS
     assert report.iterations == 5
@@ -109,9 +112,9 @@ def test_same_bits_every_time(runtime: Runtime, scene: Any) -> None:
     make_definite(scene, parts)
     g = np.random.default_rng(3).standard_normal(scene.size)
     solver = PcgSolver(runtime)
-    first, report = solver.solve(parts, g, SolveOptions(1e-20), threads=2)
+    first, report = solver.solve(parts, g, jacobi(1e-20), threads=2)
     for _ in range(3):
-        x, again = solver.solve(parts, g, SolveOptions(1e-20), threads=2)
+        x, again = solver.solve(parts, g, jacobi(1e-20), threads=2)
         np.testing.assert_array_equal(x, first)
         assert again == report
 
@@ -129,7 +132,7 @@ def test_exact_start_needs_no_iteration(runtime: Runtime, scene: Any) -> None:
     parts = two_parts(runtime, scene)
     dense = make_definite(scene, parts)
     x0 = np.random.default_rng(0).standard_normal(scene.size)
-    x, report = PcgSolver(runtime).solve(parts, dense @ x0, SolveOptions(1e-20), x0=x0)
+    x, report = PcgSolver(runtime).solve(parts, dense @ x0, jacobi(1e-20), x0=x0)
     assert report.iterations == 0
     assert report.converged
     np.testing.assert_array_equal(x, x0)
@@ -144,7 +147,7 @@ def test_block_diagonal_system_takes_one_iteration(runtime: Runtime) -> None:
         a = rng.standard_normal(group.values.shape)
         group.values[:] = a @ a.transpose(0, 2, 1) + 0.1 * np.eye(group.r)
     g = rng.standard_normal(33)
-    x, report = PcgSolver(runtime).solve([matrix], g, SolveOptions(1e-24))
+    x, report = PcgSolver(runtime).solve([matrix], g, jacobi(1e-24))
     assert report.iterations == 1
     np.testing.assert_allclose(matrix.to_scipy() @ x, g, rtol=1e-10, atol=1e-12)
 
@@ -228,7 +231,7 @@ def test_solver_survives_failures_and_changing_sizes(runtime: Runtime, scene: An
         small.values[:] = values
         solver.solve([small], np.array([1.0, -1.0]), threads=2)
         np.testing.assert_allclose(
-            solver.solve(parts, g, SolveOptions(1e-28), threads=2)[0], expected, rtol=1e-10, atol=1e-12
+            solver.solve(parts, g, jacobi(1e-28), threads=2)[0], expected, rtol=1e-10, atol=1e-12
         )
 
 
