@@ -418,25 +418,4 @@ int yasps_close_set_copy(void* close_set, int threads, int* vertices, double* we
     }
     return kOk;
 }
-
-// Where on the way from start to end ([vertices, 3], of ids [count]) all vertices are nearest to `positions`, and the
-// largest distance of one from there.
-void yasps_distance_to_way(const double* start, const double* end, const double* positions, const int* ids, long count,
-                           double* result) {
-    const Point *const from = reinterpret_cast<const Point*>(start), *const to = reinterpret_cast<const Point*>(end);
-    const Point* const at = reinterpret_cast<const Point*>(positions);
-    double along = 0, length = 0;
-    for (long k = 0; k < count; ++k) {
-        const Point way = to[ids[k]] - from[ids[k]];
-        along += dot(way, at[ids[k]] - from[ids[k]]);
-        length += square(way);
-    }
-    const double step = length > 0 ? std::min(1.0, std::max(0.0, along / length)) : 0;
-    double largest = 0;
-    for (long k = 0; k < count; ++k) {
-        const Point way = to[ids[k]] - from[ids[k]];
-        largest = std::max(largest, square(at[ids[k]] - from[ids[k]] - step * way));
-    }
-    *result = sqrt(largest);
-}
 }

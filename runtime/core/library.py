@@ -109,7 +109,14 @@ _SIGNATURES: dict[str, tuple[type | None, tuple[type, ...]]] = {
     "yasps_evaluate": (None, (_pointer, _pointer, _long, _pointer, _int)),
     "yasps_surface_new": (_pointer, (_pointer, _pointer, _pointer, _pointer, _pointer, _pointer, _long)),
     "yasps_surface_free": (None, (_pointer,)),
-    "yasps_surface_find": (_int, (_pointer, _pointer, _pointer, _long, _double, _int, _pointer, _int)),
+    "yasps_surface_find": (
+        _int,
+        (
+            *(_pointer, _pointer, _pointer, _long, _double, _int),
+            *(_pointer, _pointer, _long, _pointer, _long),
+            *(_pointer, _int),
+        ),
+    ),
     "yasps_surface_pairs": (None, (_pointer, _pointer, _pointer, _int)),
     "yasps_close_set_new": (_pointer, (_pointer, _long, _long, _pointer, _pointer, _double)),
     "yasps_close_set_free": (None, (_pointer,)),
@@ -147,7 +154,8 @@ _SIGNATURES: dict[str, tuple[type | None, tuple[type, ...]]] = {
             *(_pointer, _pointer, _pointer, _pointer, _pointer),
         ),
     ),
-    "yasps_distance_to_way": (None, (_pointer, _pointer, _pointer, _pointer, _long, _pointer)),
+    "yasps_distance_to_way": (None, (_pointer, _pointer, _pointer, _pointer, _long, _double, _pointer)),
+    "yasps_part_of_way": (None, (_pointer, _pointer, _pointer, _long, _double, _pointer, _pointer, _pointer)),
     "yasps_sum": (_double, (_pointer, _long)),
     "yasps_project": (_long, (_pointer, _int, _int, _int)),
     "yasps_project_isotropic": (_long, (_pointer, _pointer, _int, _int, _int)),
@@ -293,8 +301,9 @@ def load_runtime(compiler: Compiler, threads: int | None = None) -> Runtime:
     parallel = compiler.with_flags("-fopenmp") if compiler.has_openmp else compiler
     objects = compile_sources(runtime_sources(), parallel)
     linked = link(objects, parallel, ("-lm",))
-    # Waiting threads of GNU OpenMP spin before they sleep. On a machine with other work a spinning thread keeps the one
-    # it waits for off the processor: products became 15 times slower. libgomp reads this when it is loaded.
+    # Waiting threads of GNU OpenMP spin before they sleep (those of the solver have a barrier of their own). On a
+    # machine with other work a spinning thread keeps the one it waits for off the processor: products became 15 times
+    # slower. libgomp reads this when it is loaded.
     os.environ.setdefault("GOMP_SPINCOUNT", "300")
     library = ctypes.CDLL(str(linked.path))
     _OpenMp.is_loaded = True

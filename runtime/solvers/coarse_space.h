@@ -8,6 +8,7 @@
 #pragma once
 
 #include "core/runtime.h"
+#include "core/team_barrier.h"
 
 namespace yasps {
 
@@ -24,7 +25,8 @@ struct CoarseSpace {
     Buffer<double> panel;        // columns that are being eliminated, as rows
     Buffer<double> idle;         // [threads, stride]: where rows without a meaning go
     Buffer<double> restricted;   // [pieces, kCopies, restricted_length]: P^T r of each piece, as sum of copies
-    Buffer<double> residual;     // [threads, stride]: their sum, for each thread
+    Buffer<double> sum;          // [threads, restricted_length]: their sum, for each thread
+    Buffer<double> residual;     // [threads, stride]: the same without gaps
     Buffer<double> solution;     // padded, zero behind `length`
 };
 
@@ -46,7 +48,7 @@ void place_blocks(CoarseSpace& c, const Structure& structure, const double* inve
 
 // What all threads of a region do together. The coarse matrix, after place_blocks of all blocks and a barrier; false
 // where it is not positive definite or not finite, on all threads. Ends with a barrier.
-bool make_coarse_matrix(CoarseSpace& c, const Parts& parts);
+bool make_coarse_matrix(CoarseSpace& c, const Parts& parts, TeamBarrier& barrier);
 // This thread's share of the solution for the sum of `pieces` restricted residuals. After a barrier, coarse_product is
 // residual^T (P^T H P)^-1 residual.
 void solve_coarse(CoarseSpace& c, const Aggregates& aggregates, long pieces);

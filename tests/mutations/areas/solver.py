@@ -11,6 +11,8 @@ TWO_LEVEL = "tests/runtime/solvers/test_two_level.py"
 COARSE = "runtime/solvers/coarse_space.cpp"
 DIRECT = "tests/runtime/solvers/test_direct.py"
 CODE, PRECONDITIONER = "runtime/solvers/pcg.cpp", "runtime/solvers/preconditioner.cpp"
+BARRIER = "runtime/core/team_barrier.h"
+MEETING = "tests/runtime/core/test_team_barrier.py::test_nobody_goes_on_before_all_have_come"
 INVERSE = "runtime/solvers/inverse.h"
 
 MUTATIONS = (
@@ -115,6 +117,20 @@ MUTATIONS = (
         TEXTBOOK,
     ),
     Mutation(
+        "barrier: nobody waits",
+        BARRIER,
+        "+ 1 == team)",
+        "+ 1 > 0)",
+        (f"{MEETING}[2]",),
+    ),
+    Mutation(
+        "barrier: sleepers are not woken",
+        BARRIER,
+        "if (sleepers_.load() > 0) wake_sleepers();",
+        "",
+        (f"{MEETING}[2]",),
+    ),
+    Mutation(
         "two levels: contacts are left out of the coarse matrix",
         COARSE,
         "for (int p = 0; p < parts.count; ++p) add_part",
@@ -122,10 +138,24 @@ MUTATIONS = (
         (f"{TWO_LEVEL}::test_iterations_are_those_of_textbook_pcg",),
     ),
     Mutation(
-        "two levels: a block inside of an aggregate counts once",
+        "two levels: diagonal blocks count twice",
         COARSE,
-        "if (i == j && row != col) add(",
-        "if (false) add(",
+        "col == row ? 0.5 : 1);",
+        "1);",
+        (f"{TWO_LEVEL}::test_iterations_are_those_of_textbook_pcg",),
+    ),
+    Mutation(
+        "two levels: what H has once, the coarse matrix has without its transpose",
+        COARSE,
+        "    fold(c, rows);\n",
+        "",
+        (f"{TWO_LEVEL}::test_iterations_are_those_of_textbook_pcg",),
+    ),
+    Mutation(
+        "two levels: a copy of the restricted residual is left out",
+        COARSE,
+        "for (long k = 1; k < kCopies * pieces; ++k)",
+        "for (long k = 2; k < kCopies * pieces; ++k)",
         (f"{TWO_LEVEL}::test_iterations_are_those_of_textbook_pcg",),
     ),
     Mutation(
@@ -138,8 +168,8 @@ MUTATIONS = (
     Mutation(
         "two levels: a pivot that is not positive is taken",
         COARSE,
-        "if (!invert_lower(c)) return false;",
-        "invert_lower(c);",
+        "if (!invert_lower(c, barrier)) return false;",
+        "invert_lower(c, barrier);",
         (f"{TWO_LEVEL}::test_breakdown_is_said_and_block_jacobi_goes_on",),
     ),
     Mutation(
