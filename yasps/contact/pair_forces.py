@@ -109,9 +109,8 @@ def closest_points(kind: str, x: Floats) -> ClosestPoints:
         area = row_dots(edge, edge)
         t = -row_dots(offset, edge) / area
         weights = np.stack([-np.ones(len(x)), 1 - t, t, *([np.zeros(len(x))] if kind[0] == "m" else [])], axis=1)
-        way = (
-            row_crosses(edge, row_crosses(offset, edge)) / area[:, None]
-        )  # all of it orthogonal, however long the edge is
+        # All of it is orthogonal, however long the edge is.
+        way = row_crosses(edge, row_crosses(offset, edge)) / area[:, None]
         along = edge[:, None]
     else:
         weights = np.tile([-1.0, 1.0, 0.0, 0.0][: x.shape[1]], (len(x), 1))
