@@ -36,7 +36,7 @@ NOTES = (
 )
 
 
-PRECONDITIONERS = ("jacobi", "two-level")
+PRECONDITIONERS = ("jacobi", "gauss-seidel", "two-level")
 ERRORS = (1e-1, 1e-2, 1e-3)
 EXACT = 1e-20
 

@@ -15,6 +15,8 @@ typedef float f4_unaligned __attribute__((vector_size(16), aligned(4), may_alias
 // More pieces than threads have no use, fewer rows in one make the preconditioner worse.
 constexpr long kMostPieces = 16;
 constexpr long kFewestRows = 100000;
+// One of so many rows of a second piece may come late because of contacts.
+constexpr long kFewestPerLate = 8;
 // What `Product` and `Uses` can number.
 constexpr long kMostProducts = 2147483647;
 
@@ -92,27 +94,40 @@ void multiply_others(const GaussSeidel& s, Range list, const double* x, double* 
     }
 }
 
-// Visits the dof blocks of a piece in the order of L.
+// Visits the dof blocks of a piece in the order of L, and backwards: a first piece downwards; a second one upwards,
+// first the rows that are not late.
 template <class Visit>
-void in_order(const Piece& piece, long k, Visit visit) {
-    if (k % 2 == 0)
-        for (long b = piece.blocks.begin; b < piece.blocks.end; ++b) visit(b);
-    else
-        for (long b = piece.blocks.end - 1; b >= piece.blocks.begin; --b) visit(b);
+void in_order(const GaussSeidel& s, const Piece& piece, long k, Visit visit) {
+    const Range blocks = piece.blocks;
+    if (k % 2 == 0) {
+        for (long b = blocks.begin; b < blocks.end; ++b) visit(b);
+        return;
+    }
+    for (const char late : {0, 1})
+        for (long b = blocks.end - 1; b >= blocks.begin; --b)
+            if (s.late[b] == late) visit(b);
 }
 
 template <class Visit>
-void against_order(const Piece& piece, long k, Visit visit) {
-    in_order(piece, k + 1, visit);
+void against_order(const GaussSeidel& s, const Piece& piece, long k, Visit visit) {
+    const Range blocks = piece.blocks;
+    if (k % 2 == 0) {
+        for (long b = blocks.end - 1; b >= blocks.begin; --b) visit(b);
+        return;
+    }
+    for (const char late : {1, 0})
+        for (long b = blocks.begin; b < blocks.end; ++b)
+            if (s.late[b] == late) visit(b);
 }
 
-enum Kind { kWithin, kCross, kBetween };
+// How a coupling above the diagonal takes part: with its row before its column in the order of L, or behind it; from
+// the first piece of a pair to the second; or not at all.
+enum Kind { kForwards, kBackwards, kCross, kBetween };
 
-// How a coupling above the diagonal takes part.
 Kind kind_of(const GaussSeidel& s, int row, int col) {
     const int first = s.piece_of[row], second = s.piece_of[col];
-    if (first == second) return kWithin;
-    return first % 2 == 0 && second == first + 1 && col < s.late[second] ? kCross : kBetween;
+    if (first != second) return first % 2 == 0 && second == first + 1 && s.late[col] ? kCross : kBetween;
+    return first % 2 == 0 || s.late[row] < s.late[col] ? kForwards : kBackwards;
 }
 
 // Lists what a part's 3x3 blocks are for, from product `first` on; `uses` are those of its blocks. Returns the end.
@@ -129,12 +144,14 @@ long list_part(GaussSeidel& s, Lists& lists, Uses* uses, const Structure& struct
         if (!is_three(group)) return;
         const int of_row = s.piece_of[row], of_col = s.piece_of[col];
         switch (kind_of(s, row, col)) {
-            case kWithin: {
-                const bool turned = of_row % 2 != 0;
-                ++down[turned ? col : row];
-                ++up[turned ? row : col];
+            case kForwards:
+                ++down[row];
+                ++up[col];
                 break;
-            }
+            case kBackwards:
+                ++down[col];
+                ++up[row];
+                break;
             case kCross:
                 ++cross_down[of_col];
                 ++cross_up[of_row];
@@ -156,9 +173,9 @@ long list_part(GaussSeidel& s, Lists& lists, Uses* uses, const Structure& struct
         // Down: what comes from rows that are not late; then, after the barrier, from the first piece; then the rest.
         below.early = {first, first};
         long turn = first;
-        in_order(pieces[k], k, [&](long b) {
+        in_order(s, pieces[k], k, [&](long b) {
             begin(down[b]);
-            if (!is_second || b >= s.late[k]) turn = first;
+            if (!is_second || !s.late[b]) turn = first;
         });
         below.early.end = turn;
         below.late = {turn, first};
@@ -166,9 +183,9 @@ long list_part(GaussSeidel& s, Lists& lists, Uses* uses, const Structure& struct
         // Up: late rows of the second piece go first, and the first piece waits for them.
         above.early = {first, first};
         turn = first;
-        against_order(pieces[k], k, [&](long b) {
+        against_order(s, pieces[k], k, [&](long b) {
             begin(up[b]);
-            if (is_second && b < s.late[k]) turn = first;
+            if (is_second && s.late[b]) turn = first;
         });
         above.early.end = turn;
         above.late = {turn, first};
@@ -181,9 +198,13 @@ long list_part(GaussSeidel& s, Lists& lists, Uses* uses, const Structure& struct
         const int of_row = s.piece_of[row], of_col = s.piece_of[col];
         long straight = 0, turned = 0;  // from row to col, and back
         switch (kind_of(s, row, col)) {
-            case kWithin:
-                straight = of_row % 2 == 0 ? down[row]++ : up[row]++;
-                turned = of_row % 2 == 0 ? up[col]++ : down[col]++;
+            case kForwards:
+                straight = down[row]++;
+                turned = up[col]++;
+                break;
+            case kBackwards:
+                straight = up[row]++;
+                turned = down[col]++;
                 break;
             case kCross:
                 straight = cross_down[of_col]++;
@@ -219,19 +240,42 @@ void list_stops(GaussSeidel& s, const Piece* pieces, long piece_count) {
             stops.late.begin = stops.early.end;
         };
         list(s.down_stops[k], s.moving.down[k],
-             [&] { in_order(pieces[k], k, [&](long b) { visit(b, s.fixed.down_end, s.moving.down_end); }); });
+             [&] { in_order(s, pieces[k], k, [&](long b) { visit(b, s.fixed.down_end, s.moving.down_end); }); });
         list(s.up_stops[k], s.moving.up[k],
-             [&] { against_order(pieces[k], k, [&](long b) { visit(b, s.fixed.up_end, s.moving.up_end); }); });
+             [&] { against_order(s, pieces[k], k, [&](long b) { visit(b, s.fixed.up_end, s.moving.up_end); }); });
     }
 }
 
-// Finds which rows of second pieces come last: up to the furthest that the static part couples with the first piece.
-void find_late_rows(GaussSeidel& s, const Structure& fixed, const Piece* pieces, long piece_count) {
-    for (long k = 0; k < piece_count; ++k) s.late[k] = pieces[k].blocks.begin;
+// Finds which rows of second pieces come last: those that are coupled with the first piece. Where contacts make more
+// than a share of the rows late, they are left out: late rows are for one thread. Returns whether that is as before.
+bool find_late_rows(GaussSeidel& s, const Structure& fixed, const Structure& moving, const Piece* pieces,
+                    long piece_count) {
+    const long blocks = fixed.layout.blocks;
+    char* const late = s.next_late.data;
+    std::fill_n(late, blocks, 0);
+    long* const counts = s.next.data;  // [pieces]
+    std::fill_n(counts, piece_count, 0L);
+    const auto shared = [&](const Group& group, int row, int col) {
+        const int first = s.piece_of[row];
+        return is_three(group) && first % 2 == 0 && s.piece_of[col] == first + 1;
+    };
+    constexpr char kByContact = 2;
     for_each_coupling(fixed, [&](const Group& group, long, int row, int col) {
-        const int first = s.piece_of[row], second = s.piece_of[col];
-        if (is_three(group) && first % 2 == 0 && second == first + 1 && col >= s.late[second]) s.late[second] = col + 1;
+        if (shared(group, row, col)) late[col] = 1;
     });
+    for_each_coupling(moving, [&](const Group& group, long, int row, int col) {
+        if (!shared(group, row, col) || late[col]) return;
+        late[col] = kByContact;
+        ++counts[s.piece_of[col]];
+    });
+    for (long k = 1; k < piece_count; k += 2) {
+        const Range rows = pieces[k].blocks;
+        const bool few = counts[k] * kFewestPerLate <= rows.end - rows.begin;
+        for (long b = rows.begin; b < rows.end; ++b) late[b] = late[b] == kByContact ? few : late[b];
+    }
+    if (memcmp(late, s.late.data, static_cast<size_t>(blocks)) == 0) return true;
+    s.late.swap(s.next_late);
+    return false;
 }
 
 // The products of other shapes.
@@ -339,21 +383,24 @@ bool list_products(GaussSeidel& s, const System& system, const Piece* pieces, lo
         s.products.reserve(2 * threes) && s.blocks.reserve(18 * threes + 8) && s.other_products.reserve(2 * others) &&
         s.others.reserve(2 * other_values) && s.uses.reserve(blocks) && reserve(s.fixed) && reserve(s.moving) &&
         s.stops.reserve(2 * layout.blocks) && s.down_stops.reserve(piece_count) && s.up_stops.reserve(piece_count) &&
-        s.other.reserve(piece_count) && s.late.reserve(piece_count) && s.next.reserve(3 * piece_count);
+        s.other.reserve(piece_count) && s.late.reserve(layout.blocks) && s.next_late.reserve(layout.blocks) &&
+        s.next.reserve(3 * piece_count);
     if (!room) return false;
-    const bool known =
+    static const Structure none;
+    const Structure& moving = system.parts > 1 ? *system.structures[1] : none;
+    bool known =
         s.structure == &fixed && s.build == fixed.builds && before == s.products.data && uses_before == s.uses.data;
     if (!known) {
+        std::fill_n(s.late.data, layout.blocks, 0);
         for (long k = 0; k < piece_count; ++k)
             std::fill(s.piece_of.data + pieces[k].blocks.begin, s.piece_of.data + pieces[k].blocks.end,
                       static_cast<int>(k));
-        find_late_rows(s, fixed, pieces, piece_count);
+    }
+    if (!find_late_rows(s, fixed, moving, pieces, piece_count) || !known) {
         s.fixed_end = list_part(s, s.fixed, s.uses.data, fixed, layout, pieces, piece_count, 0);
         s.structure = &fixed;
         s.build = fixed.builds;
     }
-    static const Structure none;
-    const Structure& moving = system.parts > 1 ? *system.structures[1] : none;
     list_part(s, s.moving, s.uses.data + fixed.blocks, moving, layout, pieces, piece_count, s.fixed_end);
     list_stops(s, pieces, piece_count);
     list_others(s, system, piece_count);

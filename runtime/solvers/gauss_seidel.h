@@ -2,10 +2,10 @@
 // lies below them in an order of its own, of 3x3 blocks and within a pair of pieces.
 //
 // In that order the first piece of a pair runs down to where it meets the second one, and the second runs up to there;
-// last come those rows of the second that are coupled with the first. So both are swept side by side and nothing
-// between them is left out (a twisted factorisation: van der Vorst 1987, Large tridiagonal and block tridiagonal linear
-// systems on vector and parallel computers, Parallel Computing 5). What couples pairs is not in L: there fewer are
-// better.
+// last come those rows of the second that are coupled with the first, by contacts as well. So both are swept side by
+// side and nothing between them is left out (a twisted factorisation: van der Vorst 1987, Large tridiagonal and block
+// tridiagonal linear systems on vector and parallel computers, Parallel Computing 5). What couples pairs is not in L:
+// there fewer are better.
 //
 // Conjugate gradients run on (D + L)^-1 H (D + L)^-T, of which a product takes two sweeps and no product with H
 // (Eisenstat 1981, Efficient implementation of a class of preconditioned conjugate gradient methods, SIAM J. Sci. Stat.
@@ -77,7 +77,7 @@ struct GaussSeidel {
     Buffer<Stop> stops;
     Buffer<Stops> down_stops, up_stops;  // [pieces]
     Buffer<Range> other;                 // [pieces]: of other shapes, all parts
-    Buffer<long> late;                   // [pieces]: dof block before which rows of a second piece come last
+    Buffer<char> late, next_late;        // [dof blocks]: rows of a second piece that are coupled with the first
     Buffer<long> next;                   // scratch
 
     // What the lists of the static part were made for.

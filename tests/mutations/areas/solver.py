@@ -151,15 +151,15 @@ MUTATIONS = (
     Mutation(
         "sweeps: rows that the other piece is coupled with do not wait",
         SWEEPS,
-        "s.late[second] = col + 1;",
-        "s.late[second] = 0;",
+        "if (shared(group, row, col)) late[col] = 1;",
+        "if (shared(group, row, col)) late[col] = 0;",
         (f"{GAUSS_SEIDEL}::test_two_pieces_leave_nothing_out",),
     ),
     Mutation(
         "sweeps: the second piece runs down as well",
         SWEEPS,
-        "    if (k % 2 == 0)\n",
-        "    if (k % 2 < 2)\n",
+        "return first % 2 == 0 || s.late[row] < s.late[col] ? kForwards : kBackwards;",
+        "return kForwards;",
         (f"{GAUSS_SEIDEL}::test_solves_to_the_last_digits[2-False]",),
     ),
     Mutation(
