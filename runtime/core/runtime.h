@@ -187,6 +187,9 @@ struct Structure {
 // too. Writes y from the first row on up to reach_of the same rows. See multiply.cpp.
 void multiply_rows(const Structure& s, const double* values, Range rows, const double* x, double* y);
 long reach_of(const Structure& s, Range rows);
+// Sets touched[i / kStretch] for all places i behind these rows that multiply_rows writes.
+constexpr long kStretch = 64;
+void mark_stretches(const Structure& s, Range rows, bool* touched);
 // Doubles of HessianBlocks in the rows before this one.
 long values_before(const Structure& s, long row);
 

@@ -176,6 +176,19 @@ long reach_of(const Structure& s, Range rows) {
     return reach;
 }
 
+void mark_stretches(const Structure& s, Range rows, bool* touched) {
+    for (int g = 0; g < s.group_count; ++g) {
+        const Group& group = s.groups[g];
+        const int* const cols = s.padded_col.data + group.first_block;
+        const int last = padded_size(group.cols) - 1;
+        const Run* const end = first_run(s, group, rows.end);
+        for (const Run* run = first_run(s, group, rows.begin); run != end; ++run)
+            for (long b = run[1].first - 1; b >= run->first && cols[b] + last >= rows.end; --b)
+                for (long stretch = cols[b] / kStretch; stretch <= (cols[b] + last) / kStretch; ++stretch)
+                    touched[stretch] = true;
+    }
+}
+
 long values_before(const Structure& s, long row) {
     long values = 0;
     for (int g = 0; g < s.group_count; ++g) {

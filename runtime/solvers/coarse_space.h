@@ -25,7 +25,8 @@ struct CoarseSpace {
     Buffer<double> panel;        // columns that are being eliminated, as rows
     Buffer<double> idle;         // [threads, stride]: where rows without a meaning go
     Buffer<double> restricted;   // [pieces, kCopies, restricted_length]: P^T r of each piece, as sum of copies
-    Buffer<double> residual;     // [threads, stride]: their sum, for each thread
+    Buffer<double> sum;          // [threads, restricted_length]: their sum, for each thread
+    Buffer<double> residual;     // [threads, stride]: the same without gaps
     Buffer<double> solution;     // padded, zero behind `length`
 };
 

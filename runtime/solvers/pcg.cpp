@@ -19,6 +19,7 @@ struct Piece {
     Range own;        // the same in padded vectors
     long reach;       // end of what the product of its rows writes; it begins with the own part
     double* product;  // of its rows alone; only [own.begin, reach) exists
+    bool* touched;    // whether a stretch of it behind the own part is written; only those up to reach exist
     double sums[2];   // what the piece adds to two sums over all unknowns
     long bad_block;   // the first block that cannot be inverted, or -1
     Reason bad_status;
@@ -29,6 +30,7 @@ struct Piece {
 struct Workspace {
     Buffer<double> x, g, residual, direction, preconditioned;  // padded vectors
     Buffer<double> products;                                   // of all pieces, one after another
+    Buffer<bool> touched;                                      // the same for stretches
     Buffer<double> inverse;                                    // inverted diagonal blocks
     Buffer<double> scratch;                                    // one diagonal block per piece
     Buffer<Piece> pieces;
@@ -78,13 +80,16 @@ long work_before(const System& system, long block) {
     return work;
 }
 
+// Stretches behind the own part.
+Range stretches_of(const Piece& p) { return {p.own.end / kStretch, (p.reach + kStretch - 1) / kStretch}; }
+
 // Cuts the rows into pieces. False: out of memory.
 bool cut_pieces(Workspace& w, const System& system, long pieces) {
     const Layout& layout = system.layout();
     if (!w.pieces.reserve(pieces)) return false;
     w.piece_count = pieces;
     const long work = work_before(system, layout.blocks);
-    long products = 0;
+    long products = 0, stretches = 0;
     for (long k = 0, begin = 0; k < pieces; ++k) {
         // The first block with at least this piece's share of the work before it.
         long end = begin, high = layout.blocks;
@@ -105,20 +110,43 @@ bool cut_pieces(Workspace& w, const System& system, long pieces) {
             if (reach > p.reach) p.reach = reach;
         }
         products += p.reach - p.own.begin;
+        stretches += stretches_of(p).end - stretches_of(p).begin;
         begin = end;
     }
-    if (!w.products.reserve(products)) return false;
+    if (!w.products.reserve(products) || !w.touched.reserve(stretches)) return false;
     double* next = w.products.data;
+    bool* next_stretch = w.touched.data;
     for (long k = 0; k < pieces; ++k) {
         Piece& p = w.pieces[k];
         p.product = next - p.own.begin;
+        p.touched = next_stretch - stretches_of(p).begin;
         next += p.reach - p.own.begin;
+        next_stretch += stretches_of(p).end - stretches_of(p).begin;
     }
     return true;
 }
 
 void clear(double* vector, long begin, long end) {
     if (end > begin) memset(vector + begin, 0, static_cast<size_t>(end - begin) * sizeof(double));
+}
+
+// Calls f(begin, end) for what the rows of a piece write in a range behind them.
+template <class F>
+void for_each_touched(const Piece& p, Range range, F f) {
+    for (long stretch = range.begin / kStretch; stretch * kStretch < range.end; ++stretch) {
+        if (!p.touched[stretch]) continue;
+        const long begin = stretch * kStretch, end = begin + kStretch;
+        f(begin < range.begin ? range.begin : begin, end < range.end ? end : range.end);
+    }
+}
+
+// Makes the product ready for multiply_piece.
+void start_product(const System& system, const Piece& p) {
+    const Range stretches = stretches_of(p);
+    for (long stretch = stretches.begin; stretch < stretches.end; ++stretch) p.touched[stretch] = false;
+    for (int part = 0; part < system.parts; ++part) mark_stretches(*system.structures[part], p.own, p.touched);
+    clear(p.product, p.own.begin, p.own.end);
+    for_each_touched(p, {p.own.end, p.reach}, [&](long begin, long end) { clear(p.product, begin, end); });
 }
 
 // product += H x for the rows of a piece; complete once gather has run after a barrier.
@@ -131,11 +159,13 @@ void multiply_piece(const System& system, const Piece& p, const double* x) {
 // to the right of their first row, since only the upper triangle is stored.
 void gather(const Workspace& w, const Piece& p) {
     for (const Piece* from = w.pieces.data; from != &p; ++from) {
-        const long end = from->reach < p.own.end ? from->reach : p.own.end;
-        for (long i = p.own.begin; i < end; i += 4) {
-            store(p.product + i, load(p.product + i) + load(from->product + i));
-            store(from->product + i, d4{});
-        }
+        const long reach = from->reach < p.own.end ? from->reach : p.own.end;
+        for_each_touched(*from, {p.own.begin, reach}, [&](long begin, long end) {
+            for (long i = begin; i < end; i += 4) {
+                store(p.product + i, load(p.product + i) + load(from->product + i));
+                store(from->product + i, d4{});
+            }
+        });
     }
 }
 
@@ -283,7 +313,7 @@ void start_piece(Workspace& w, const System& system, const double* g, const doub
         pack(system.layout(), p.blocks, x0, w.x.data);
     else
         clear(w.x.data, p.own.begin, p.own.end);
-    clear(p.product, p.own.begin, p.reach);
+    start_product(system, p);
     double largest = 0;
     bool finite = true;
     for (long i = p.own.begin; i < p.own.end; ++i) {
@@ -440,7 +470,7 @@ int yasps_multiply(yasps::Workspace* w, const yasps::Structure* structure, const
         const yasps::ThreadShare share = yasps::share_of_thread(*w);
         for (const yasps::Piece& p : share) {
             yasps::pack(layout, p.blocks, x, w->x.data);
-            yasps::clear(p.product, p.own.begin, p.reach);
+            yasps::start_product(system, p);
         }
         w->barrier.wait();
         for (const yasps::Piece& p : share) yasps::multiply_piece(system, p, w->x.data);

@@ -138,10 +138,24 @@ MUTATIONS = (
         (f"{TWO_LEVEL}::test_iterations_are_those_of_textbook_pcg",),
     ),
     Mutation(
-        "two levels: a block inside of an aggregate counts once",
+        "two levels: diagonal blocks count twice",
         COARSE,
-        "if (i == j && row != col) add(",
-        "if (false) add(",
+        "col == row ? 0.5 : 1);",
+        "1);",
+        (f"{TWO_LEVEL}::test_iterations_are_those_of_textbook_pcg",),
+    ),
+    Mutation(
+        "two levels: what H has once, the coarse matrix has without its transpose",
+        COARSE,
+        "    fold(c, rows);\n",
+        "",
+        (f"{TWO_LEVEL}::test_iterations_are_those_of_textbook_pcg",),
+    ),
+    Mutation(
+        "two levels: a copy of the restricted residual is left out",
+        COARSE,
+        "for (long k = 1; k < kCopies * pieces; ++k)",
+        "for (long k = 2; k < kCopies * pieces; ++k)",
         (f"{TWO_LEVEL}::test_iterations_are_those_of_textbook_pcg",),
     ),
     Mutation(

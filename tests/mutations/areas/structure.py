@@ -8,6 +8,7 @@ MATRIX = "tests/runtime/matrix/test_block_matrix.py"
 SUM = (f"{MATRIX}::test_assembled_matrix_is_the_dense_sum",)
 ORDER = (f"{MATRIX}::test_groups_hold_each_block_once_in_order",)
 PRODUCT = (f"{MATRIX}::test_product_of_every_shape",)
+FAR = (f"{MATRIX}::test_product_where_few_rows_reach_far",)
 LARGE = "tests/runtime/matrix/test_large_sizes.py"
 REORDERED = ("tests/runtime/matrix/test_reordering.py",)
 CODE, MULTIPLY = "runtime/matrix/block_matrix.cpp", "runtime/matrix/multiply.cpp"
@@ -92,6 +93,20 @@ MUTATIONS = (
             "tests/runtime/assembly/test_determinism.py::test_product",
             f"{MATRIX}::test_assembled_matrix_is_the_dense_sum",
         ),
+    ),
+    Mutation(
+        "what a row writes beyond a stretch is not noted",
+        MULTIPLY,
+        "stretch <= (cols[b] + last) / kStretch;",
+        "stretch <= cols[b] / kStretch;",
+        FAR,
+    ),
+    Mutation(
+        "what rows write behind them is not emptied first",
+        "runtime/solvers/pcg.cpp",
+        "[&](long begin, long end) { clear(p.product, begin, end); }",
+        "[](long, long) {}",
+        FAR,
     ),
     Mutation(
         "the order of dof blocks is not followed",

@@ -107,6 +107,26 @@ def test_product_is_the_same_bit_for_bit(runtime: Runtime, scene: Any) -> None:
         np.testing.assert_array_equal(matrix.multiply(x, 2), first)
 
 
+def test_product_where_few_rows_reach_far(runtime: Runtime) -> None:
+    rng = np.random.default_rng(3)
+    boundaries, sizes = np.array([0, 270, 810], np.int64), np.array([3, 9], np.int32)
+    starts = np.concatenate([3 * np.arange(90), 270 + 9 * np.arange(60)])
+    matrix = BlockMatrix(runtime)
+    for _ in range(3):  # each time other pairs: what was reached before is forgotten
+        near = np.stack([starts[:-1], starts[1:]], 1)
+        far = np.sort(rng.choice(starts, (12, 2)), 1)
+        matrix.build(boundaries, sizes, [(near + 1).astype(np.int32), (far + 1).astype(np.int32)])
+        for group in matrix.groups:
+            group.values[:] = rng.standard_normal(group.values.shape)
+            for block in np.flatnonzero((group.rows == group.cols) & (group.r == group.c)):
+                group.values[block] += group.values[block].T.copy()
+        for threads in (1, 2, 7):
+            x = rng.standard_normal(matrix.size)
+            for deterministic in (False, True):
+                found = matrix.multiply(x, threads, deterministic=deterministic)
+                np.testing.assert_allclose(found, matrix.to_scipy() @ x, rtol=1e-12, atol=1e-12)
+
+
 @pytest.mark.parametrize("rows", [1, 2, 3, 6, 7, 9, 12, 70])
 @pytest.mark.parametrize("cols", [1, 3, 5, 6, 9, 12, 67])
 def test_product_of_every_shape(runtime: Runtime, rows: int, cols: int) -> None:
