@@ -510,10 +510,31 @@ MUTATIONS = (
         (f"{LOOK}::test_constraints_keep_what_falls_out_of_the_others_and_half_spaces",),
     ),
     Mutation(
+        "lanes beyond the last pair are measured, too",
+        PAIRS,
+        "near_lanes<kSplit>(ask, pack) & ((1U << lanes) - 1);",
+        "near_lanes<kSplit>(ask, pack);",
+        POTENTIAL,
+    ),
+    Mutation(
+        "a pair is left out by a distance that is not sure",
+        PAIRS,
+        "closest.squared)) & closest.sure);",
+        "closest.squared)));",
+        (f"{MANY}::test_a_normal_that_is_mostly_rounding_hides_no_pair",),
+    ),
+    Mutation(
+        "pairs near the reach are left out",
+        PAIRS,
+        "far * far * (1 + 1e-9)",
+        "far * far * 0.9",
+        POTENTIAL,
+    ),
+    Mutation(
         "pairs beyond the line of their middles are measured from the first lane on",
         PAIRS,
-        "count += !(beyond >> l & 1);",
-        "count += !(beyond >> (l ^ 1) & 1);",
+        "near_count += within >> l & 1;",
+        "near_count += within >> (l ^ 1) & 1;",
         ALONE,
     ),
     Mutation(
@@ -526,7 +547,7 @@ MUTATIONS = (
     Mutation(
         "thickness is whole for pairs that are near at rest",
         PAIRS,
-        "apart_at_rest ? 1 : thickness.share(v, split, ask.rest);",
+        "apart_at_rest >> l & 1 ? 1 : thickness.share(v, kSplit, ask.rest);",
         "1;",
         (THICKNESS,),
     ),
