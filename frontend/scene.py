@@ -654,10 +654,11 @@ class Scene(SceneNames, Entity):
         for compiled in self._alive:
             compiled.arrays_moved(owner)
 
-    def connectivity_changed(self, connectivity: Connectivity) -> None:
+    def connectivity_changed(self, *connectivities: Connectivity) -> None:
         """Indices changed: derivatives go elsewhere."""
         for compiled in self._alive:
-            compiled.connectivity_changed(connectivity)
+            for connectivity in connectivities:
+                compiled.connectivity_changed(connectivity)
 
     def size_changed(self, primitive: PrimitiveBase) -> None:
         """A primitive or union has another number of instances."""

@@ -58,9 +58,11 @@ class Program:
         self._numbers: dict[Binding, int] = {}
         self._places: list[list[tuple[ctypes.Array[ctypes.c_void_p], int]]] = []
         self._elsewhere: list[tuple[ctypes.Array[ctypes.c_void_p], int, int]] = []
+        self._slots: dict[tuple[str, Binding], int] = {}
         for name, emitted in self.codes.items():
             array = self._arguments[name]
             for k, binding in enumerate(emitted.bindings):
+                self._slots[name, binding] = k
                 if binding.kind == "arguments":
                     array[k] = ctypes.addressof(self._arguments[binding.name])
                 else:
@@ -88,7 +90,7 @@ class Program:
 
     def point(self, name: str, binding: Binding, address: int) -> None:
         """Points one object elsewhere, until the next `bind`."""
-        k = self.codes[name].bindings.index(binding)
+        k = self._slots[name, binding]
         self._arguments[name][k] = address
         self._elsewhere.append((self._arguments[name], k, self._numbers[binding]))
 

@@ -62,12 +62,13 @@ class OrderedReads:
         self._copies = {binding: rows_of(stored.array, order) for binding, stored in numbers.items()}
         self._versions = {binding: (stored.array, stored.version) for binding, stored in numbers.items()}
         self._indices = {binding: rows_of(c.indices, order) for binding, c in indices.items()}
+        self._addresses = {binding: copy.ctypes.data for binding, copy in (self._copies | self._indices).items()}
         self.point()
 
     def point(self) -> None:
         """Points the program to the copies; again after each `Program.bind`."""
-        for binding, copy in (self._copies | self._indices).items():
-            self._program.point(self._derivative, binding, copy.ctypes.data)
+        for binding, address in self._addresses.items():
+            self._program.point(self._derivative, binding, address)
 
     def refresh(self) -> None:
         """Copies numbers that were set since. New indices need a new object, since the best order is another one."""

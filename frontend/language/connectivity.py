@@ -123,7 +123,7 @@ class Connectivity(ConnectivityNames, InScene):
         self.source.scene.connectivity_changed(self)
 
     def _take_rows(self, checked: IntArray | DeviceIndices) -> None:
-        """Keeps them; of a variable arity, as long as code expects."""
+        """Keeps what `checked_parts` returned, of a variable arity as long as code expects, and tells nobody."""
         if self.is_variable:
             assert isinstance(checked, np.ndarray)
             self.arity = max(self.compiled_arity, checked.shape[1])

@@ -43,6 +43,7 @@ class Entity(EntityNames, InScene, abc.ABC):
     def __init__(self, name: str, parent: Entity | None) -> None:
         self.name = name
         self._parent = parent
+        self._path: str | None = None
         self.attributes: dict[str, Attribute] = {}
         self._children: dict[str, Any] = {}
 
@@ -81,8 +82,10 @@ class Entity(EntityNames, InScene, abc.ABC):
     @property
     def path(self) -> str:
         """Dotted name inside the scene; empty for the scene itself."""
-        above = self._parent.path if self._parent is not None else ""
-        return f"{above}.{self.name}" if above else self.name
+        if self._path is None:
+            above = self._parent.path if self._parent is not None else ""
+            self._path = f"{above}.{self.name}" if above else self.name
+        return self._path
 
     @property
     def label(self) -> str:

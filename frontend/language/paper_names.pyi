@@ -296,7 +296,7 @@ class SceneNames:
     def arraysMoved(self, owner: Entity) -> None:
         """Some array of the owner was replaced by another."""
 
-    def connectivityChanged(self, connectivity: Connectivity) -> None:
+    def connectivityChanged(self, *connectivities: Connectivity) -> None:
         """Indices changed: derivatives go elsewhere."""
 
     def sizeChanged(self, primitive: PrimitiveBase) -> None:

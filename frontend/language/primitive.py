@@ -167,10 +167,12 @@ class Primitive(PrimitiveNames, PrimitiveBase):
                 + (f"; not given and so kept: {unchanged}" if unchanged else "")
             )
         for connectivity, checked in indices.items():
-            connectivity._replace(checked)
+            connectivity._take_rows(checked)
         for node, array in numbers.items():
             node.array = array
         self.set_num_instances(count)
+        if indices:
+            self.scene.connectivity_changed(*indices)
         self.scene.arrays_moved(self)
 
     @one_thread_at_a_time
