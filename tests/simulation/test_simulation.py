@@ -12,6 +12,7 @@ from yasps.bodies import AffineBody, Cloth, Ground, HalfSpace, SoftBody
 from yasps.contact import ContactTable
 from yasps.meshes import box, cloth_grid
 from yasps.simulation import Simulation
+from yasps.stepping import NewtonSettings
 
 CUBE = box((0.1, 0.1, 0.1), (1, 1, 1))
 DT = 0.01
@@ -21,7 +22,8 @@ def falling_cube(height: float = 1.0, contact: bool = False) -> tuple[Simulation
     scene = Scene("cube", threads=1)
     soft = SoftBody(scene, "soft", CUBE.translated((0.0, 0.0, height)))
     bodies = [soft, Ground(scene)] if contact else [soft]
-    return Simulation(scene, bodies, time_step=DT, contact=contact), soft
+    settings = NewtonSettings(linear_tolerance=1e-12)
+    return Simulation(scene, bodies, time_step=DT, contact=contact, settings=settings), soft
 
 
 def test_free_fall_is_backward_eulers_own() -> None:

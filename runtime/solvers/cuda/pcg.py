@@ -110,8 +110,8 @@ class CudaSolver:
         """
         if options.preconditioner == "gauss-seidel":
             raise ValueError(
-                'preconditioner="gauss-seidel" is for the CPU, since its sweeps go row after row: take "auto", "jacobi" '
-                'or "two-level" on a GPU'
+                'preconditioner="gauss-seidel" is for the CPU, since its sweeps go row after row: on a GPU "auto", '
+                '"jacobi" and "two-level" can be had'
             )
         check_targets(parts)
         size = parts[0].size

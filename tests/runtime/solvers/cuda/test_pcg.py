@@ -349,3 +349,10 @@ def test_wrong_arguments_are_refused(
     x, _ = solver.solve(parts, g)
     with pytest.raises(ValueError, match="overwrite it"):
         solver.solve(parts, x)
+
+
+def test_sweeps_are_refused(maker: Maker, scene: Any) -> None:
+    system = maker.random(scene)
+    g = system.vector(np.ones(system.size))
+    with pytest.raises(ValueError, match="is for the CPU, since its sweeps go row after row"):
+        maker.solver().solve(system.parts, g, SolveOptions(preconditioner="gauss-seidel"))
