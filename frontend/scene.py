@@ -6,7 +6,7 @@ import os
 import re
 import weakref
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypedDict, Unpack, cast, overload
 
@@ -23,6 +23,7 @@ from yasps.frontend.execution.emit import EnergyTerm
 from yasps.frontend.execution.hessian import Hessian
 from yasps.frontend.execution.newton_system import advice_on, solve_newton_system, solve_options
 from yasps.frontend.execution.scene_source import CompileRequest, make_dump_folder
+from yasps.frontend.execution.variants import Variants
 from yasps.frontend.language.attribute import Attribute
 from yasps.frontend.language.entity import Entity
 from yasps.frontend.language.mesh import Mesh
@@ -112,9 +113,7 @@ class Scene(SceneNames, Entity):
         self._targets: list[Attribute] = []
         self._runtime: Runtime | None = None
         self._compiled: CompiledScene | None = None
-        self._variants: dict[tuple[tuple[Attribute, ...], tuple[EnergyTerm, ...]], CompiledScene] = {}
-        self._weights: dict[Attribute, tuple[Attribute, Attribute]] = {}
-        """Of `jacobian`: weights of an attribute, and its product with them."""
+        self._variants = Variants(lambda energies, inputs: self._compile_for(energies, inputs, [], None))
         self._alive: weakref.WeakSet[CompiledScene] = weakref.WeakSet()
         """All that was compiled and is still in use, by whomever: it must hear of arrays that moved."""
         self._evaluations = 0
@@ -397,7 +396,7 @@ class Scene(SceneNames, Entity):
         if projected or all(term.projection == "none" for term in self._energies):
             compiled = self.compile()
         else:
-            compiled = self._variant(self._targets)
+            compiled = self._variants.of(self._energies, self._targets, exact=True)
         compiled.assemble()
         return compiled.hessian()
 
@@ -451,7 +450,7 @@ class Scene(SceneNames, Entity):
             terms = self._energies
         else:
             terms = self._terms_of(energies)
-        return self._variant(listed, terms, exact=not projected)
+        return self._variants.of(terms, listed, exact=not projected)
 
     @one_thread_at_a_time
     def jacobian(
@@ -463,39 +462,12 @@ class Scene(SceneNames, Entity):
         Compiled on first use and kept until energies or targets of the scene change. Raises SceneError for computed,
         foreign or repeated variables, and for another scene's attribute.
         """
-        from scipy import sparse
-
         columns = [variables] if isinstance(variables, Attribute) else list(variables)
         self._check_own(attribute, "what is differentiated")
         if not columns:
             raise SceneError("jacobian needs at least one variable")
         self._check_stored(columns)
-        assert attribute.owner is not None
-        count, entries = attribute.owner.num_instances, attribute.size
-        sizes = [column.owner.num_instances * column.size for column in columns if column.owner is not None]
-        inputs = set(attribute.inputs)
-        read = [column for column in columns if column in inputs]
-        if not read:
-            return sparse.csr_array((count * entries, sum(sizes)))
-        # The product of the attribute with weights has it as its gradient by these, so its mixed second derivatives by
-        # weights and variables are the attribute's first ones.
-        zeros = np.zeros((count, *attribute.shape))
-        if attribute not in self._weights:
-            weights = Attribute(attribute.owner, attribute.shape, Stored(zeros, constant=True))
-            self._weights[attribute] = (weights, weights.dot(attribute))
-        weights, product = self._weights[attribute]
-        weights.update_value(zeros)
-        compiled = self.compile_for([weights, *read], energies=[product])
-        compiled.assemble()
-        found = compiled.hessian().to_scipy()[: count * entries]
-        blocks, start = [], count * entries
-        for column, size in zip(columns, sizes, strict=True):
-            if column in inputs:
-                blocks.append(found[:, start : start + size])
-                start += size
-            else:
-                blocks.append(sparse.csr_array((count * entries, size)))
-        return sparse.csr_array(sparse.hstack(blocks))
+        return self._variants.jacobian(attribute, columns)
 
     def _check_stored(self, variables: Sequence[Attribute]) -> None:
         """Raises SceneError for what derivatives can't be taken by."""
@@ -528,17 +500,6 @@ class Scene(SceneNames, Entity):
             raise SceneError(f"{self.label} has no energy yet: add_energy(attribute) first")
         if need_targets and not self._targets:
             raise SceneError(f"{self.label} has no minimisation target yet: add_minimize_target(attribute) first")
-
-    def _variant(
-        self, targets: Sequence[Attribute], terms: Sequence[EnergyTerm] | None = None, *, exact: bool = True
-    ) -> CompiledScene:
-        """Energies, by default all, compiled for these targets; `exact`: without projection."""
-        chosen = self._energies if terms is None else terms
-        chosen = [replace(term, projection="none") for term in chosen] if exact else list(chosen)
-        key = (tuple(targets), tuple(chosen))
-        if key not in self._variants or self._variants[key].is_outgrown:
-            self._variants[key] = self._compile_for(chosen, targets, [], None)
-        return self._variants[key]
 
     @one_thread_at_a_time
     def total_energy(self) -> float:
@@ -686,8 +647,7 @@ class Scene(SceneNames, Entity):
     def structure_changed(self) -> None:
         """The next result needs a new compile of the energies."""
         self._compiled = None
-        self._variants.clear()
-        self._weights.clear()
+        self._variants.forget()
 
     def arrays_moved(self, owner: Entity) -> None:
         """Some array of the owner was replaced by another."""

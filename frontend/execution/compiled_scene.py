@@ -116,6 +116,38 @@ class _Reads:
             stack.extend(new)
 
 
+class _Kept:
+    """Values of an attribute that depends on no target, and what they were computed from."""
+
+    def __init__(self, attribute: Attribute) -> None:
+        assert attribute.owner is not None
+        self.attribute, self.owner = attribute, attribute.owner
+        self._stored = [one.node for one in attribute.inputs if isinstance(one.node, Stored)]
+        self._connectivities = list(_Reads([attribute]).connectivities)
+        self.array: FloatArray = np.empty((0, *attribute.shape))
+        self._computed_from: list[object] = []
+
+    def state(self) -> list[object]:
+        """All that the values are computed from; what has not changed is the same object or number."""
+        state: list[object] = [self.owner.num_instances]
+        for node in self._stored:
+            state += (node.array, node.version)
+        state += [connectivity.stored_indices for connectivity in self._connectivities]
+        return state
+
+    @property
+    def is_stale(self) -> bool:
+        """Has something changed since?"""
+        return not self._computed_from or any(
+            new is not old and not (isinstance(new, int) and new == old)
+            for new, old in zip(self.state(), self._computed_from, strict=True)
+        )
+
+    def renew(self, array: FloatArray) -> None:
+        """Takes the values as they are now."""
+        self.array, self._computed_from = array, self.state()
+
+
 def _followed(connectivities: Iterable[Connectivity], owners: Iterable[Entity]) -> set[Entity]:
     """Those whose number of instances others must fit: targets of connectivities, and members of unions."""
     found: set[Entity] = set()
@@ -150,6 +182,7 @@ class CompiledScene(InScene, ABC):
         for connectivity in self._connected:
             connectivity.compiled_arity = max(connectivity.compiled_arity, connectivity.arity)
         self._unchecked: set[Entity] = set(self._owners)  # may have numbers or indices that do not fit
+        self._kept = {name: _Kept(attribute) for name, attribute in self.emitter.kept.items()}
         self._followed = _followed(self._connected, self._owners)
         self._static_reads = _Reads([energy.attribute for energy in request.energies if not energy.dynamic])
         self._bound = False
@@ -176,7 +209,7 @@ class CompiledScene(InScene, ABC):
 
     @abstractmethod
     def _run(self, symbol: str, count: int, shape: tuple[int, int]) -> FloatArray:
-        """Values of a computed attribute on `count` instances."""
+        """Values of a computed attribute on `count` instances; the program is bound."""
 
     @abstractmethod
     def total_energy(self) -> float:
@@ -306,8 +339,15 @@ class CompiledScene(InScene, ABC):
         Raises DataError or ConnectivityError for numbers or indices that don't fit the numbers of instances, since
         kernels read without checks; SceneError for more unknowns than 32-bit indices reach.
         """
-        if self._bound:
-            return
+        if not self._bound:
+            self._bind()
+        for kept in self._kept.values():
+            if kept.is_stale:
+                symbol, shape = self.emitter.symbol_of(kept.attribute), kept.attribute.shape
+                kept.renew(self._run(symbol, kept.owner.num_instances, shape))
+                self._point()
+
+    def _bind(self) -> None:
         if self.is_outgrown:
             raise ConnectivityError(
                 "a connectivity of variable arity now has more neighbours on an instance than the scene was compiled "
@@ -337,6 +377,7 @@ class CompiledScene(InScene, ABC):
         """The scene's numbers for the reference interpreter."""
         self.bind()
         storages = {symbol: numbers.copy() for symbol, numbers in self.numbers.items()}
+        storages |= {symbol: kept.array.copy() for symbol, kept in self._kept.items()}
         for symbol, attribute in self.emitter.stored.items():
             assert isinstance(attribute.node, Stored)
             storages[symbol] = attribute.node.array.copy()
@@ -357,6 +398,8 @@ class CompiledScene(InScene, ABC):
         """The array on the host that a kernel reads."""
         if binding.name in self.numbers:
             return self.numbers[binding.name]
+        if binding.name in self._kept:
+            return self._kept[binding.name].array
         if binding.kind == "storage":
             node = self.emitter.stored[binding.name].node
             assert isinstance(node, Stored)
@@ -449,6 +492,7 @@ class CompiledScene(InScene, ABC):
     def evaluate(self, attribute: Attribute) -> FloatArray:
         """Values of an output attribute on all instances, [instances, rows, columns]."""
         assert attribute.owner is not None
+        self._refresh()
         return self._run(self.emitter.symbol_of(attribute), attribute.owner.num_instances, attribute.shape)
 
     @one_thread_at_a_time

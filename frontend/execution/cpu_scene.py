@@ -90,7 +90,6 @@ class CpuScene(CompiledScene):
                 placement.ordered.point()
 
     def _run(self, symbol: str, count: int, shape: tuple[int, int]) -> FloatArray:
-        self.bind()
         out = np.empty((count, *shape))
         function, arguments = self.program.function(symbol, "batch"), self.program.arguments(symbol)
         evaluate(self.runtime, function, arguments, count, out)

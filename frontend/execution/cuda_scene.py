@@ -161,7 +161,7 @@ class CudaScene(CompiledScene):
         if binding.kind == "indices" and binding.name not in self.numbers:
             return self.emitter.connected[binding.name].stored_indices, 0
         version = 0
-        if binding.kind == "storage" and binding.name not in self.numbers:
+        if binding.kind == "storage" and binding.name in self.emitter.stored:
             node = self.emitter.stored[binding.name].node
             assert isinstance(node, Stored)
             version = node.version
@@ -170,13 +170,16 @@ class CudaScene(CompiledScene):
     def _refresh(self) -> None:
         """Copies what changed since the last time. Arrays that moved have been bound anew."""
         self.bind()
+        self._send_all()
+
+    def _send_all(self) -> None:
         for binding in self._mirrors:
             self._send(binding)
 
     # -- work ----------------------------------------------------------------------------------------------
 
     def _run(self, symbol: str, count: int, shape: tuple[int, int]) -> FloatArray:
-        self._refresh()
+        self._send_all()
         self.program.launch_batch(symbol, count, self._values.resize(count, *shape))
         return self._values.download()
 

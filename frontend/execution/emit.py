@@ -60,17 +60,30 @@ class SceneEmitter:
         self.attributes: dict[str, AttributeOp] = {}
         self.stored: dict[str, Attribute] = {}
         """The user's stored attributes, by symbol."""
+        self.kept: dict[str, Attribute] = {}
+        """Attributes whose values are kept, by the symbol of the storage that holds them; first those that others read.
+        """
         self.connected: dict[str, Connectivity] = {}
         self.owners: dict[str, PrimitiveBase] = {}
         self._symbols: dict[Attribute, str] = {}
         self._unnamed = 0
         self.varied: set[Attribute] = set()
+        self._keeps = False
 
     def emit(
-        self, energies: Sequence[EnergyTerm], targets: Sequence[Attribute], outputs: Sequence[Attribute]
+        self,
+        energies: Sequence[EnergyTerm],
+        targets: Sequence[Attribute],
+        outputs: Sequence[Attribute],
+        *,
+        keeps: bool = False,
     ) -> ModuleOp:
-        """The module `rel.scene`, in dependency order. Constants among the targets are emitted as variables."""
+        """The module `rel.scene`, in dependency order. Constants among the targets are emitted as variables.
+
+        keeps: of what a JOIN reads and depends on no target the values are kept in a storage, see `joined`.
+        """
         self.varied = set(targets)
+        self._keeps = keeps and len(targets) > 0
         final: list[Operation] = [
             EnergyOp(self.defined(term.attribute), term.projection, term.dynamic) for term in energies
         ]
@@ -148,7 +161,7 @@ class SceneEmitter:
         root = attribute.node.expression if isinstance(attribute.node, Named) else attribute
         node = root.node if root is attribute else None
         if isinstance(node, Joined):
-            source, connectivity = self.defined(node.source), self.connectivity(node.connectivity)
+            source, connectivity = self.joined(node.source), self.connectivity(node.connectivity)
             read: JoinOp | UnionOp = JoinNumbersOp(source, connectivity, matrix_type(attribute.shape), node.operation)
             b.append(read)
             values[root] = read.result
@@ -176,6 +189,27 @@ class SceneEmitter:
             stack.pop()
         b.append(YieldOp(named(values[root], attribute.name)))
         return b.body
+
+    def joined(self, source: Attribute) -> str:
+        """Emits what a JOIN reads; returns its symbol.
+
+        A JOIN works its source out anew for each instance that reads it, in each kernel. What depends on no target
+        stays as it is from one solve to the next, so that its values are kept: they are a constant storage, and whoever
+        runs the code fills it when something that the source is computed from has changed. The instances of a dynamic
+        primitive change too often for that.
+        """
+        symbol = self.defined(source)
+        assert source.owner is not None
+        is_fixed = not isinstance(source.node, Stored) and self.varied.isdisjoint(source.inputs)
+        if not (self._keeps and is_fixed) or source.owner.is_dynamic:
+            return symbol
+        kept = f"{symbol}.kept"  # no name has a dot
+        if kept not in self.storages:
+            self.storages[kept] = StorageOp(kept, self.owner(source.owner), matrix_type(source.shape), True)
+            self.storages[kept].location = self.attributes[symbol].location
+            self.attributes[symbol].output = UnitAttr()
+            self.kept[kept] = source
+        return kept
 
     def check_arguments(self, attribute: Attribute) -> None:
         """Raises SceneError if an attribute with given derivatives depends on a target beside its arguments."""

@@ -87,7 +87,7 @@ class SceneSource:
         if watcher is not None:
             watcher(request)
         self.emitter = SceneEmitter(request.scene_name)
-        self._module = self.emitter.emit(request.energies, request.targets, request.outputs)
+        self._module = self.emitter.emit(request.energies, request.targets, request.outputs, keeps=True)
         self._left: Sequence[ModulePass] = PIPELINE
         """Passes that the module has not been through."""
         if request.dump_to is None:

@@ -136,49 +136,103 @@ struct CloseSet {
         bool close;
         double share;
     };
+    // A pair whose gap is less than the reach if its offset counts whole.
+    struct Measured {
+        int number;
+        Closest closest;
+        double distance, offset;
+    };
 
     // Calls take(Near, list) for all pairs that are close; and for those of vertex and triangle, with improved max, of
     // which another place of the triangle may be. False: out of memory.
     template <int kSplit, class T, class Take>
     bool look(const Question& ask, const int* rows, long count, ChunkLists<T>& lists, const Take& take) {
+        constexpr int kMany = 5;  // lanes of eight that are near: the others are not worth another look at the vertices
         return lists.run((count + kChunk - 1) / kChunk, ask.threads, [&](long chunk, List<T>& list) {
             const long begin = chunk * kChunk, end = std::min(count, begin + kChunk);
             int near[kChunk], near_count = 0;
-            for (long k = begin; k < end; k += kPack)
-                near_count = add_near_lanes<kSplit>(ask, rows, k, end, near, near_count);
+            Measured measured[kChunk];
+            Measured* last = measured;
+            for (long k = begin; k < end; k += kPack) {
+                int numbers[kPack];
+                const int lanes = static_cast<int>(std::min<long>(kPack, end - k));
+                for (int l = 0; l < kPack; ++l) numbers[l] = static_cast<int>(k + l);
+                const PairPack pack = gather(places, rows, numbers, lanes);
+                const unsigned within = near_lanes<kSplit>(ask, pack) & ((1U << lanes) - 1);
+                if (__builtin_popcount(within) >= kMany) {
+                    if (!measure<kSplit>(ask, rows, pack, numbers, within, &last, list, take)) return false;
+                    continue;
+                }
+                for (int l = 0; l < lanes; ++l) {
+                    near[near_count] = numbers[l];
+                    near_count += within >> l & 1;
+                }
+            }
             for (int k = 0; k < near_count; k += kPack) {
                 const int lanes = std::min<int>(kPack, near_count - k);
-                if (!take_pack<kSplit>(ask, rows, near + k, lanes, list, take)) return false;
+                const PairPack pack = gather(places, rows, near + k, lanes);
+                if (!measure<kSplit>(ask, rows, pack, near + k, (1U << lanes) - 1, &last, list, take)) return false;
+            }
+            for (const Measured* first = measured; first < last; first += kPack) {
+                const int lanes = static_cast<int>(std::min<long>(kPack, last - first));
+                if (!settle<kSplit>(ask, rows, first, lanes, list, take)) return false;
             }
             return true;
         });
     }
 
-    // Adds to `near` those of eight pairs from the first one on that may be within reach. Returns its new length.
+    // A bit for each of eight pairs that may be within reach, by the line through their middles.
     template <int kSplit>
-    int add_near_lanes(const Question& ask, const int* rows, long first, long end, int* near, int count) const {
-        int numbers[kPack];
-        const long lanes = std::min<long>(kPack, end - first);
-        for (int l = 0; l < kPack; ++l) numbers[l] = static_cast<int>(first + l);
-        const PairPack pack = gather(places, rows, numbers, lanes);
+    unsigned near_lanes(const Question& ask, const PairPack& pack) const {
         PointPack q[4];
         pack.relative(q);
-        const Eight far = most_radii<kSplit>(pack.radius) + constant<Eight>(ask.reach);
-        const unsigned beyond = bits_of(along_middles<kSplit>(q).is_beyond(far));
-        for (int l = 0; l < lanes; ++l) {
-            near[count] = numbers[l];
-            count += !(beyond >> l & 1);
-        }
-        return count;
+        return ~bits_of(along_middles<kSplit>(q).is_beyond(far_away<kSplit>(ask, pack)));
     }
 
+    // The distance from which on pairs are not close, whatever their shares are.
+    template <int kSplit>
+    static Eight far_away(const Question& ask, const PairPack& pack) {
+        return most_radii<kSplit>(pack.radius) + constant<Eight>(ask.reach);
+    }
+
+    // Measures these lanes of eight pairs; writes those that may be close from *last on. False: out of memory.
     template <int kSplit, class T, class Take>
-    bool take_pack(const Question& ask, const int* rows, const int* numbers, int lanes, List<T>& list,
-                   const Take& take) {
-        Closest closest[kPack];
-        closest_of_pairs<kSplit>(gather(places, rows, numbers, lanes).p, ask.x, rows, numbers, lanes, closest);
+    bool measure(const Question& ask, const int* rows, const PairPack& pack, const int* numbers, unsigned lanes,
+                 Measured** last, List<T>& list, const Take& take) const {
+        const ClosestPack closest = closest_of_pack<kSplit>(pack.p);
+        const Eight far = far_away<kSplit>(ask, pack);
+        lanes &= ~(bits_of(less(far * far * (1 + 1e-9), closest.squared)) & closest.sure);
+        double features[kPack], squared[kPack];
+        store_lanes(features, closest.features), store_lanes(squared, closest.squared);
+        for (; lanes != 0; lanes &= lanes - 1) {
+            const int l = __builtin_ctz(lanes), *const v = rows + 4L * numbers[l];
+            Point p[4];
+            gather(v, ask.x, p);
+            Measured pair = {numbers[l], {static_cast<int>(features[l]), squared[l]}, 0, 0};
+            if (!(closest.sure >> l & 1)) pair.closest = closest_of_pair(p, kSplit);
+            if (!thickness.any()) {
+                if (pair.closest.squared < ask.reach * ask.reach) *(*last)++ = pair;
+                continue;
+            }
+            pair.distance = sqrt(pair.closest.squared);
+            pair.offset = thickness.offset(v, p, kSplit, pair.closest.features);
+            if (pair.distance - pair.offset < ask.reach)
+                *(*last)++ = pair;
+            else if (may_count<kSplit>(ask, v, pair.closest) && !take({v, pair.closest, false, 1}, list))
+                return false;
+        }
+        return true;
+    }
+
+    // Takes those of up to eight pairs whose gap is less than the reach, and notes how near they are. Of their offset
+    // those that are far apart at rest have all. False: out of memory.
+    template <int kSplit, class T, class Take>
+    bool settle(const Question& ask, const int* rows, const Measured* pairs, int lanes, List<T>& list,
+                const Take& take) {
         unsigned apart_at_rest = 0;
         if (thickness.any()) {
+            int numbers[kPack];
+            for (int l = 0; l < lanes; ++l) numbers[l] = pairs[l].number;
             const PairPack pack = gather(places_at_rest, rows, numbers, lanes);
             PointPack q[4];
             pack.relative(q);
@@ -187,34 +241,27 @@ struct CloseSet {
         }
         Least& here = least[omp_get_thread_num()];
         for (int l = 0; l < lanes; ++l) {
-            const int* const v = rows + 4L * numbers[l];
-            Near pair = {v, closest[l], false, 1};
-            pair.close = is_close(ask, v, kSplit, closest[l], apart_at_rest >> l & 1, &pair.share, &here);
-            const bool may_count =
-                kSplit == 1 && ask.improved && thickness.any() && thickness.may_be_close(v, closest[l], ask.reach);
-            if ((pair.close || may_count) && !take(pair, list)) return false;
+            const Measured& pair = pairs[l];
+            const int* const v = rows + 4L * pair.number;
+            double share = 1;
+            bool close = true;
+            if (thickness.any()) {
+                share = apart_at_rest >> l & 1 ? 1 : thickness.share(v, kSplit, ask.rest);
+                const double gap = pair.distance - share * pair.offset;
+                close = gap < ask.reach;
+                if (close) here.gap = std::min(here.gap, gap);
+            }
+            if (close) here.squared = std::min(here.squared, pair.closest.squared);
+            if ((close || may_count<kSplit>(ask, v, pair.closest)) && !take({v, pair.closest, close, share}, list))
+                return false;
         }
         return true;
     }
 
-    // Whether a pair's gap is less than the reach; then notes how near it is. share: of its offset, if it is near at
-    // all; it is whole for those that are far apart at rest.
-    bool is_close(const Question& ask, const int* v, int split, Closest closest, bool apart_at_rest, double* share,
-                  Least* here) const {
-        if (!thickness.any()) {
-            if (!(closest.squared < ask.reach * ask.reach)) return false;
-            here->squared = std::min(here->squared, closest.squared);
-            return true;
-        }
-        Point p[4];
-        gather(v, ask.x, p);
-        const double offset = thickness.offset(v, p, split, closest.features), distance = sqrt(closest.squared);
-        if (!(distance - offset < ask.reach)) return false;
-        *share = apart_at_rest ? 1 : thickness.share(v, split, ask.rest);
-        const double gap = distance - *share * offset;
-        if (!(gap < ask.reach)) return false;
-        here->squared = std::min(here->squared, closest.squared), here->gap = std::min(here->gap, gap);
-        return true;
+    // Whether a pair that is not close counts with improved max.
+    template <int kSplit>
+    bool may_count(const Question& ask, const int* v, Closest closest) const {
+        return kSplit == 1 && ask.improved && thickness.any() && thickness.may_be_close(v, closest, ask.reach);
     }
 
     static CloseEntry entry_of_edges(const Question& ask, const int* v, int features) {
@@ -417,26 +464,5 @@ int yasps_close_set_copy(void* close_set, int threads, int* vertices, double* we
         }
     }
     return kOk;
-}
-
-// Where on the way from start to end ([vertices, 3], of ids [count]) all vertices are nearest to `positions`, and the
-// largest distance of one from there.
-void yasps_distance_to_way(const double* start, const double* end, const double* positions, const int* ids, long count,
-                           double* result) {
-    const Point *const from = reinterpret_cast<const Point*>(start), *const to = reinterpret_cast<const Point*>(end);
-    const Point* const at = reinterpret_cast<const Point*>(positions);
-    double along = 0, length = 0;
-    for (long k = 0; k < count; ++k) {
-        const Point way = to[ids[k]] - from[ids[k]];
-        along += dot(way, at[ids[k]] - from[ids[k]]);
-        length += square(way);
-    }
-    const double step = length > 0 ? std::min(1.0, std::max(0.0, along / length)) : 0;
-    double largest = 0;
-    for (long k = 0; k < count; ++k) {
-        const Point way = to[ids[k]] - from[ids[k]];
-        largest = std::max(largest, square(at[ids[k]] - from[ids[k]] - step * way));
-    }
-    *result = sqrt(largest);
 }
 }

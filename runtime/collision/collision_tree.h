@@ -26,10 +26,6 @@ struct Box {
         lower = smaller(lower, other.lower), upper = larger(upper, other.upper);
         slowest = smaller(slowest, other.slowest), fastest = larger(fastest, other.fastest);
     }
-    void grow(double radius) {
-        const f4 around = f4{} + static_cast<float>(radius);
-        lower -= around, upper += around;
-    }
     // The largest number that a start or an end in it has.
     float largest() const {
         float size = 0;
@@ -38,12 +34,25 @@ struct Box {
         return size;
     }
 };
-inline Box box_of(Point start, Point end) {
-    const Point way = end - start;
-    const f4 from = {static_cast<float>(start.x), static_cast<float>(start.y), static_cast<float>(start.z), 0};
-    const f4 along = {static_cast<float>(way.x), static_cast<float>(way.y), static_cast<float>(way.z), 0};
-    return {from, from, along, along};
-}
+
+// Of each vertex the box around it, with its radius, and its way: pieces share vertices, so this is made once.
+struct VertexBoxes {
+    Buffer<Box> of;  // [vertices]
+
+    // radii: or null. False: out of memory.
+    bool take(const Point* start, const Point* end, const double* radii, long count, int threads) {
+        if (!of.reserve(count)) return false;
+#pragma omp parallel for num_threads(threads) schedule(static) if (threads > 1)
+        for (long v = 0; v < count; ++v) {
+            const Point from = start[v], way = end[v] - from;
+            const f4 at = {static_cast<float>(from.x), static_cast<float>(from.y), static_cast<float>(from.z), 0};
+            const f4 along = {static_cast<float>(way.x), static_cast<float>(way.y), static_cast<float>(way.z), 0};
+            const f4 around = f4{} + (radii == nullptr ? 0 : static_cast<float>(radii[v]));
+            of[v] = {at - around, at + around, along, along};
+        }
+        return true;
+    }
+};
 
 // One bit a lane.
 inline unsigned bits_of(i4 mask) {
@@ -81,18 +90,12 @@ inline unsigned bits_of(i8 mask) {
 struct Block {
     f8 lower[3], upper[3], slowest[3], fastest[3];
     i8 vertices[3], label;  // of the pieces; a piece has as many as its arity
+    unsigned strayed;       // a bit for each piece of which a vertex is
 
-    void clear() {  // boxes that meet nothing
-        for (int k = 0; k < 3; ++k) {
-            lower[k] = f8{} + INFINITY, upper[k] = f8{} - INFINITY;
-            slowest[k] = fastest[k] = f8{};
-        }
-    }
-    void set(int place, const Box& box) {
-        for (int k = 0; k < 3; ++k) {
-            lower[k][place] = box.lower[k], upper[k][place] = box.upper[k];
-            slowest[k][place] = box.slowest[k], fastest[k][place] = box.fastest[k];
-        }
+    // The boxes of pieces, [kBlock].
+    void set(const Box* boxes) {
+        transpose(boxes, &Box::lower, lower), transpose(boxes, &Box::upper, upper);
+        transpose(boxes, &Box::slowest, slowest), transpose(boxes, &Box::fastest, fastest);
     }
     // Nonzero where a piece has a vertex with the one at `place` of `other`, or both have the same label, from 0 on.
     template <int kArity, int kOtherArity>
@@ -125,6 +128,20 @@ struct Block {
         }
         return apart;
     }
+
+  private:
+    static void transpose(const Box* boxes, f4 Box::* part, f8* to) {
+        f8 pair[4];  // the boxes k and k + 4 side by side
+        for (int k = 0; k < 4; ++k)
+            pair[k] = __builtin_shufflevector(boxes[k].*part, boxes[k + 4].*part, 0, 1, 2, 3, 4, 5, 6, 7);
+        const f8 xy = __builtin_shufflevector(pair[0], pair[1], 0, 8, 1, 9, 4, 12, 5, 13);
+        const f8 z = __builtin_shufflevector(pair[0], pair[1], 2, 10, 3, 11, 6, 14, 7, 15);
+        const f8 next_xy = __builtin_shufflevector(pair[2], pair[3], 0, 8, 1, 9, 4, 12, 5, 13);
+        const f8 next_z = __builtin_shufflevector(pair[2], pair[3], 2, 10, 3, 11, 6, 14, 7, 15);
+        to[0] = __builtin_shufflevector(xy, next_xy, 0, 1, 8, 9, 4, 5, 12, 13);
+        to[1] = __builtin_shufflevector(xy, next_xy, 2, 3, 10, 11, 6, 7, 14, 15);
+        to[2] = __builtin_shufflevector(z, next_z, 0, 1, 8, 9, 4, 5, 12, 13);
+    }
 };
 
 // Some nodes' pieces: a leaf's are one block. A node's children follow it, the first half of its blocks, then the rest;
@@ -142,7 +159,8 @@ struct Branch {
 struct Tree {
     struct Node {
         Box box;
-        int label;  // of all its pieces, or -1 where they differ
+        int label;     // of all its pieces, or -1 where they differ
+        bool strayed;  // whether any of them is
     };
     int arity = 0;
     int count = 0;
@@ -189,9 +207,9 @@ struct Tree {
         for (int k = 0; k < count; ++k) label[k] = before[order[k]];
     }
 
-    // radii: of all vertices, or null.
-    void fit(const Point* start, const Point* end, const double* radii) {
-        if (count > 0) fit({0, 0, block_count()}, start, end, radii);
+    // boxes, strayed: of all vertices; all are strayed where that is null.
+    void fit(const Box* boxes, const uint8_t* strayed) {
+        if (count > 0) fit({0, 0, block_count()}, boxes, strayed);
     }
 
   private:
@@ -215,39 +233,40 @@ struct Tree {
         halve(branch.first()), halve(branch.second());
     }
 
-    void fit(Branch branch, const Point* start, const Point* end, const double* radii) {
+    void fit(Branch branch, const Box* boxes, const uint8_t* strayed) {
         Node& here = nodes[branch.node];
-        if (branch.is_leaf()) return fit_leaf(branch.block, &here, start, end, radii);
-        fit(branch.first(), start, end, radii), fit(branch.second(), start, end, radii);
+        if (branch.is_leaf()) return fit_leaf(branch.block, &here, boxes, strayed);
+        fit(branch.first(), boxes, strayed), fit(branch.second(), boxes, strayed);
         const Node &a = nodes[branch.first().node], &b = nodes[branch.second().node];
         here.box = a.box;
         here.box.include(b.box);
         here.label = a.label == b.label ? a.label : -1;
+        here.strayed = a.strayed || b.strayed;
     }
 
-    void fit_leaf(int at_block, Node* here, const Point* start, const Point* end, const double* radii) {
+    void fit_leaf(int at_block, Node* here, const Box* boxes, const uint8_t* strayed) {
         Block& block = blocks[at_block];
-        block.clear();
-        const int begin = kBlock * at_block;
-        for (int k = begin; k < end_of(at_block + 1); ++k) {
+        const int begin = kBlock * at_block, end = end_of(at_block + 1);
+        Box of_pieces[kBlock];
+        block.strayed = strayed == nullptr ? 0xff : 0;
+        for (int k = begin; k < end; ++k) {
             const int* const ids = at(k);
-            const auto around = [&](int v) {
-                Box box = box_of(start[v], end[v]);
-                if (radii != nullptr) box.grow(radii[v]);
-                return box;
-            };
-            Box box = around(ids[0]);
-            for (int c = 1; c < arity; ++c) box.include(around(ids[c]));
-            block.set(k - begin, box);
+            Box& box = of_pieces[k - begin];
+            box = boxes[ids[0]];
+            for (int c = 1; c < arity; ++c) box.include(boxes[ids[c]]);
             for (int c = 0; c < arity; ++c) block.vertices[c][k - begin] = ids[c];
             block.label[k - begin] = label[k];
-            if (k == begin) {
-                *here = {box, label[k]};
-            } else {
-                here->box.include(box);
-                if (label[k] != here->label) here->label = -1;
-            }
+            for (int c = 0; strayed != nullptr && c < arity; ++c)
+                block.strayed |= static_cast<unsigned>(strayed[ids[c]]) << (k - begin);
         }
+        *here = {of_pieces[0], label[begin], block.strayed != 0};
+        for (int k = begin + 1; k < end; ++k) {
+            here->box.include(of_pieces[k - begin]);
+            if (label[k] != here->label) here->label = -1;
+        }
+        const Box nowhere = {f4{} + INFINITY, f4{} - INFINITY, {}, {}};  // it meets nothing
+        for (int k = end; k < begin + kBlock; ++k) of_pieces[k - begin] = nowhere;
+        block.set(of_pieces);
     }
 };
 

@@ -3,6 +3,9 @@
 // Two bounding volume trees (or one with itself) are descended together; of what is near in them, pairs with a common
 // vertex, of classes that do not meet, or with a gap between them in the direction of each other are left out.
 //
+// Of pairs that were found before, those are taken over of which no vertex has strayed from the way they were found for;
+// then only pairs of which one has are looked for.
+//
 // A loose point is an edge from a vertex to itself. It meets triangles as all vertices do, edges that are in no
 // triangle, and other such points; the edges of a triangle are part of that.
 #include <algorithm>
@@ -96,7 +99,7 @@ struct Search {
     // there is no memory.
     int step(const Task task, Task* rest, Pairs* found) const {
         const Tree::Node &one = a.nodes[task.a.node], &other = b.nodes[task.b.node];
-        if (one.label >= 0 && one.label == other.label) return 0;
+        if ((one.label >= 0 && one.label == other.label) || !(one.strayed || other.strayed)) return 0;
         const bool same = is_same(task);
         if (!same && !may_meet(one.box, other.box, reach_of_boxes)) return 0;
         if (task.a.is_leaf() && task.b.is_leaf()) return look_at(task, found) ? 0 : -1;
@@ -119,11 +122,13 @@ struct Search {
         const Block &one = a.blocks[task.a.block], &other = b.blocks[task.b.block];
         if (!found->grow(kBlock * kBlock)) return false;
         const unsigned rows = bits_of(one.apart_from(b.nodes[task.b.node].box, reach_of_boxes)) ^ 0xff;
-        for (unsigned left_rows = rows; left_rows != 0; left_rows &= left_rows - 1) {
+        const unsigned wanted_rows = other.strayed != 0 ? rows : rows & one.strayed;
+        for (unsigned left_rows = wanted_rows; left_rows != 0; left_rows &= left_rows - 1) {
             const int i = __builtin_ctz(left_rows);
             i8 apart = other.apart_from(one, i, reach_of_boxes) | other.joined_with<4 - kSplit, kSplit>(one, i);
             if (is_same(task)) apart |= i8{0, 1, 2, 3, 4, 5, 6, 7} <= i;
-            for (unsigned near = bits_of(apart) ^ 0xff; near != 0; near &= near - 1)
+            const unsigned wanted = one.strayed >> i & 1 ? 0xff : other.strayed;
+            for (unsigned near = ~bits_of(apart) & wanted; near != 0; near &= near - 1)
                 add(&a.vertices[kSplit * (left + i)], &b.vertices[(4 - kSplit) * (right + __builtin_ctz(near))], found);
         }
         return true;
@@ -180,9 +185,28 @@ struct Surface {
     Scene scene;
     Tree vertices, edges, triangles, points, free_edges;
     Ends ends;
-    // Pairs of edges, two points, and a point and an edge; then of vertex and triangle.
-    ChunkLists<Row> edge_edge, point_point, point_edge, vertex_triangle;
+    VertexBoxes boxes;
+    // Pairs taken over, of edges, two points, and a point and an edge; then the same of vertex and triangle.
+    ChunkLists<Row> kept_edge_edge, edge_edge, point_point, point_edge, kept_vertex_triangle, vertex_triangle;
 };
+
+// Takes over those of the pairs, [count, 4], of which nothing strayed and which do not stay apart. False: out of memory.
+template <int kSplit>
+bool keep(const int* pairs, long count, const uint8_t* strayed, const Ends& ends, double reach, int threads,
+          ChunkLists<Row>* kept) {
+    constexpr long kChunk = 1024;
+    return kept->run((count + kChunk - 1) / kChunk, threads, [&](long chunk, Pairs& list) {
+        const long begin = kChunk * chunk, end = std::min(count, begin + kChunk), first = list.count;
+        if (!list.grow(end - begin)) return false;
+        for (long k = begin; k < end; ++k) {
+            const int* const v = pairs + 4 * k;
+            list[list.count] = {{v[0], v[1], v[2], v[3]}};
+            list.count += !(strayed[v[0]] | strayed[v[1]] | strayed[v[2]] | strayed[v[3]]);
+        }
+        drop_apart<kSplit>(ends, reach, first, &list);
+        return true;
+    });
+}
 
 }  // namespace
 }  // namespace yasps
@@ -214,30 +238,37 @@ void* yasps_surface_new(const int* const* pieces, const long* counts, const int*
 // Finds all pairs of edges and of vertex and triangle that may come within `reach` (and their radii) while every vertex
 // moves straight from start to end ([vertices, 3]); sort: look for a better order of the trees first. Their numbers
 // go to counts[2]; the pairs, the same for any number of threads, stay in the surface until the next call.
+// strayed: [vertices], or null: all. The others move as they did when edge_edge and vertex_triangle were found
+// ([count, 4]) with this reach or more, or for a part of that way, all at the same time; so their pairs are among these.
 int yasps_surface_find(void* surface, const double* start, const double* end, long vertices, double reach, int sort,
-                       long* counts, int threads) {
+                       const uint8_t* strayed, const int* edge_edge, long edge_count, const int* vertex_triangle,
+                       long triangle_count, long* counts, int threads) {
     Surface& s = *static_cast<Surface*>(surface);
     const Point *const from = reinterpret_cast<const Point*>(start), *const to = reinterpret_cast<const Point*>(end);
     const int used = std::min(threads, kMostThreads);
     if (!s.ends.start.take(from, nullptr, s.scene.radii, vertices, used) ||
-        !s.ends.end.take(to, nullptr, s.scene.radii, vertices, used))
+        !s.ends.end.take(to, nullptr, s.scene.radii, vertices, used) ||
+        !s.boxes.take(from, to, s.scene.radii, vertices, used))
         return kOutOfMemory;
     Tree* const trees[5] = {&s.edges, &s.triangles, &s.vertices, &s.points, &s.free_edges};
     const int tree_count = s.points.count > 0 ? 5 : 3;
 #pragma omp parallel for num_threads(used) schedule(dynamic)
     for (int k = 0; k < tree_count; ++k) {
         if (sort) trees[k]->sort(from);
-        trees[k]->fit(from, to, s.scene.radii);
+        trees[k]->fit(s.boxes.of.data, strayed);
     }
     const auto edges = [&](const Tree& a, const Tree& b, ChunkLists<Row>& found) {
         return Search<2>(a, b, s.scene, s.ends, reach).run(&found, used);
     };
     const Search<1> of_triangles(s.vertices, s.triangles, s.scene, s.ends, reach);
-    if (!edges(s.edges, s.edges, s.edge_edge) || !of_triangles.run(&s.vertex_triangle, used) ||
-        !edges(s.points, s.points, s.point_point) || !edges(s.points, s.free_edges, s.point_edge))
-        return kOutOfMemory;
-    counts[0] = s.edge_edge.total() + s.point_point.total() + s.point_edge.total();
-    counts[1] = s.vertex_triangle.total();
+    const bool fine =
+        keep<2>(edge_edge, edge_count, strayed, s.ends, reach, used, &s.kept_edge_edge) &&
+        keep<1>(vertex_triangle, triangle_count, strayed, s.ends, reach, used, &s.kept_vertex_triangle) &&
+        edges(s.edges, s.edges, s.edge_edge) && of_triangles.run(&s.vertex_triangle, used) &&
+        edges(s.points, s.points, s.point_point) && edges(s.points, s.free_edges, s.point_edge);
+    if (!fine) return kOutOfMemory;
+    counts[0] = s.kept_edge_edge.total() + s.edge_edge.total() + s.point_point.total() + s.point_edge.total();
+    counts[1] = s.kept_vertex_triangle.total() + s.vertex_triangle.total();
     return kOk;
 }
 
@@ -246,8 +277,10 @@ void yasps_surface_pairs(const void* surface, int* edge_edge, int* vertex_triang
     const Surface& s = *static_cast<const Surface*>(surface);
     const int used = std::min(threads, kMostThreads);
     Row* to = reinterpret_cast<Row*>(edge_edge);
-    for (const ChunkLists<Row>* const found : {&s.edge_edge, &s.point_point, &s.point_edge})
+    for (const ChunkLists<Row>* const found : {&s.kept_edge_edge, &s.edge_edge, &s.point_point, &s.point_edge})
         found->copy(to, used), to += found->total();
-    s.vertex_triangle.copy(reinterpret_cast<Row*>(vertex_triangle), used);
+    to = reinterpret_cast<Row*>(vertex_triangle);
+    for (const ChunkLists<Row>* const found : {&s.kept_vertex_triangle, &s.vertex_triangle})
+        found->copy(to, used), to += found->total();
 }
 }

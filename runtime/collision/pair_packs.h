@@ -230,21 +230,4 @@ inline Closest closest_of_pair(const Point* p, int split) {
     return split == 1 ? closest_vertex_triangle(p) : closest_edges(p);
 }
 
-// The closest features of the pairs that gather() took from these arguments, of x; each is what its pack says, or what
-// the pair alone does where that is not sure.
-template <int kSplit>
-inline void closest_of_pairs(const PointPack* p, const Point* x, const int* rows, const int* numbers, long count,
-                             Closest* to) {
-    const ClosestPack pack = closest_of_pack<kSplit>(p);
-    double features[kPack], squared[kPack];
-    store_lanes(features, pack.features), store_lanes(squared, pack.squared);
-    for (int l = 0; l < count; ++l) {
-        to[l] = {static_cast<int>(features[l]), squared[l]};
-        if (pack.sure >> l & 1) continue;
-        const int* const v = rows + 4L * numbers[l];
-        const Point alone[4] = {x[v[0]], x[v[1]], x[v[2]], x[v[3]]};
-        to[l] = closest_of_pair(alone, kSplit);
-    }
-}
-
 }  // namespace yasps

@@ -18,8 +18,10 @@ from yasps.runtime.core.uncopied import Uncopied
 
 KINDS = 7
 """Kinds of close pairs, in the order of `Kind` in close_entry.h."""
-_SEARCHES_PER_ORDER = 16
-"""How many searches use one order of the trees: a better one costs as much as a few searches in a bad one."""
+_EFFORT = 4
+"""What a search of all pairs costs, beside one of those of a few vertices."""
+_EFFORT_PER_ORDER = 16 * _EFFORT
+"""So many searches use one order of the trees: a better one costs as much as a few searches in a bad one."""
 _FEW = 256
 """Surfaces with fewer vertices are searched before a second thread has woken up."""
 _FEW_PAIRS = 4096
@@ -121,7 +123,7 @@ class Surface(Uncopied):
         Pieces whose vertices all have the same label >= 0 do not meet other such pieces with that label.
         """
         self._runtime = runtime
-        self._searches = 0
+        self._effort = _EFFORT_PER_ORDER
         self.vertices = pieces.vertices
         self.thickness, self._classes = thickness, classes  # the library keeps their addresses
         # A point is an edge without length.
@@ -158,16 +160,30 @@ class Surface(Uncopied):
         self._step_bound: int = step_bound
         weakref.finalize(self, runtime.library.yasps_step_bound_free, step_bound)
 
-    def find(self, start: FloatArray, end: FloatArray, reach: float) -> SurfacePairs:
+    def find(
+        self, start: FloatArray, end: FloatArray, reach: float, kept: tuple[SurfacePairs, BoolArray] | None = None
+    ) -> SurfacePairs:
         """All pairs without a common vertex that may come within `reach` and their radii on the straight way; and some
-        that do not."""
+        that do not.
+
+        kept: pairs found before with this reach or more, and a mask [n]: the vertices whose pairs have to be looked for
+        again. The others move as they did then, or for a part of that way, all at the same time.
+        """
         counts = (ctypes.c_long * 2)()
-        sort = self._searches % _SEARCHES_PER_ORDER == 0
-        self._searches += 1
+        sort = self._effort >= _EFFORT_PER_ORDER
+        self._effort = (0 if sort else self._effort) + (_EFFORT if kept is None else 1)
         library = self._runtime.library
         threads = self._runtime.thread_count(None) if len(self.vertices) >= _FEW else 1
         status = library.yasps_surface_find(
-            self._handle, start.ctypes.data, end.ctypes.data, len(start), reach, int(sort), counts, threads
+            self._handle,
+            start.ctypes.data,
+            end.ctypes.data,
+            len(start),
+            reach,
+            int(sort),
+            *((None, None, 0, None, 0) if kept is None else (kept[1].ctypes.data, *_addresses(kept[0]))),
+            counts,
+            threads,
         )
         check_status(status)
         check_pair_count(sum(counts))
@@ -177,9 +193,9 @@ class Surface(Uncopied):
         )
         return pairs
 
-    def distance_to_way(self, start: FloatArray, end: FloatArray, positions: FloatArray) -> float:
-        """The largest distance of a vertex at `positions` from where it is on the straight way, all at the same time;
-        the best time for all."""
+    def distance_to_way(self, start: FloatArray, end: FloatArray, positions: FloatArray, margin: float) -> float:
+        """The largest distance of a vertex at `positions` from where it is on the straight way, all at the same time:
+        one at which all are within the margin, if there is one, else about the best for all."""
         distance = ctypes.c_double()
         self._runtime.library.yasps_distance_to_way(
             start.ctypes.data,
@@ -187,9 +203,28 @@ class Surface(Uncopied):
             positions.ctypes.data,
             self.vertices.ctypes.data,
             len(self.vertices),
+            margin,
             ctypes.addressof(distance),
         )
         return distance.value
+
+    def part_of_way(
+        self, start: FloatArray, end: FloatArray, new_start: FloatArray, new_end: FloatArray, allowed: float
+    ) -> tuple[FloatArray, FloatArray, BoolArray]:
+        """A way near the one from new_start to new_end: of vertices that are within `allowed` of it the nearest part of
+        the way from start to end, the same part for all; of others, which the mask [n] marks, the new one."""
+        first, last, strayed = new_start.copy(), new_end.copy(), np.zeros(len(start), np.bool_)
+        self._runtime.library.yasps_part_of_way(
+            start.ctypes.data,
+            end.ctypes.data,
+            self.vertices.ctypes.data,
+            len(self.vertices),
+            allowed,
+            first.ctypes.data,
+            last.ctypes.data,
+            strayed.ctypes.data,
+        )
+        return first, last, strayed
 
     def close_pairs(
         self, positions: FloatArray, rest: FloatArray, reach: float, pairs: SurfacePairs, improved_max: bool = False

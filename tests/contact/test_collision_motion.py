@@ -151,6 +151,94 @@ def test_pairs_do_not_depend_on_the_order_of_trees_or_the_number_of_threads() ->
     assert rows(fresh) == sets[2]
 
 
+def chain_of_ways(points: Floats, count: int) -> list[tuple[Floats, Floats]]:
+    """Ways as of line searches: on each most vertices go a part of the way before, and some, other ones each time, turn
+    off. The fifth is another way for all."""
+    rng = np.random.default_rng(3)
+    ways = [(points, points + motion("together", points, 4))]
+    for k in range(1, count):
+        first, last = ways[-1]
+        begin, finish = rng.uniform(0.0, 0.2), rng.uniform(0.8, 1.0)
+        start, end = first + begin * (last - first), first + finish * (last - first)
+        if k == 4:
+            end = start + motion("together", points, 5)
+        aside = rng.permutation(len(points))[: len(points) // 10]
+        end[aside] += 0.3 * rng.standard_normal((len(aside), 3))
+        ways.append((start, end + 1e-3 * rng.standard_normal(points.shape)))
+    return ways
+
+
+@pytest.mark.parametrize("thick", [False, True])
+def test_candidates_made_of_earlier_ones_serve_as_well_as_fresh_ones(thick: bool) -> None:
+    rng = np.random.default_rng(1)
+    points, faces = union(sheet(8), (sheet(8)[0] + [0.03, 0.02, 0.08], sheet(8)[1]))
+    points = np.concatenate([points, rng.uniform([0, 0, 0.02], [1, 1, 0.06], (40, 3))])
+    loose, radii = np.arange(len(points) - 40, len(points)), rng.uniform(0, 0.01, len(points)) if thick else 0.0
+    geometry = CollisionGeometry(points, faces, 0.05, points=loose, radii=radii)
+    bounds: list[float] = []
+    margin, kept, shared = 0.025, None, 0
+    for start, end in chain_of_ways(points, 8):
+        fresh = geometry.candidates(start, end)
+        kept = geometry.candidates(start, end, margin=margin, before=kept)
+        shared += not np.array_equal(kept.start, start)
+        assert all(len(set(part)) == len(part) for part in rows(kept.pairs))
+        assert geometry.covers(kept, start, end)
+        for step in (0.0, 0.4, 1.0):
+            there = start + step * (end - start)
+            expected, found = geometry.active_set(there, fresh), geometry.active_set(there, kept)
+            assert len(expected) > 50
+            assert all(pairs.same_as(found.kinds()[kind]) for kind, pairs in expected.kinds().items())
+            aside = rng.standard_normal(points.shape)
+            beside = there + 0.5 * margin * aside / np.linalg.norm(aside, axis=1, keepdims=True)
+            expected, found = geometry.active_set(beside), geometry.active_set(beside, kept)
+            assert all(pairs.same_as(found.kinds()[kind]) for kind, pairs in expected.kinds().items())
+        if not thick:  # else pieces overlap at once
+            bounds.append(geometry.step_bound(start, end, kept, start_is_free=True))
+            assert bounds[-1] == geometry.step_bound(start, end, fresh, start_is_free=True)
+    assert shared == 6  # all but the first way and the one that is another for all
+    assert thick or 0 < min(bounds) < max(bounds) < 1
+
+
+def test_places_between_covered_ones_are_covered() -> None:
+    """The time at which most vertices are nearest to the way is not the one at which all are near enough."""
+    points, faces = union(sheet(4), (sheet(4)[0] + [0.03, 0.02, 0.2], sheet(4)[1]))
+    geometry, margin, way = CollisionGeometry(points, faces, 0.1), 0.025, np.array([0.2, 0.0, 0.0])
+    before = geometry.candidates(points, points + way, margin=margin)
+    longer = np.array([0.45 * margin, 0.0, 0.0])
+    start, end = points - longer, points + way + longer
+    end[0] += [0.0, 1.0, 0.0]
+    kept = geometry.candidates(start, end, margin=margin, before=before)
+    assert not np.array_equal(kept.start, start)
+    assert geometry.covers(kept, start, end)
+    for step in np.linspace(0.0, 1.0, 21):
+        assert geometry.covers(kept, start + step * (end - start))
+    aside = start + 0.1 * (end - start)
+    aside[0, 2] += 1.1 * margin
+    assert not geometry.covers(kept, aside)
+
+
+def test_candidates_made_of_earlier_ones_do_not_depend_on_the_number_of_threads() -> None:
+    points, faces = union(sheet(8), (sheet(8)[0] + [0.03, 0.02, 0.08], sheet(8)[1]))
+    found = []
+    for threads in (1, 3):
+        geometry = CollisionGeometry(points, faces, 0.05, runtime=load_runtime(find_compiler(), threads))
+        kept = None
+        for start, end in chain_of_ways(points, 5):
+            kept = geometry.candidates(start, end, margin=0.025, before=kept)
+            found.append((kept.pairs.edge_edge.tobytes(), kept.pairs.vertex_triangle.tobytes()))
+    assert found[:5] == found[5:]
+
+
+def test_earlier_candidates_of_less_reach_or_another_surface_are_not_used() -> None:
+    points, faces = union(sheet(4), (sheet(4)[0] + [0.03, 0.02, 0.2], sheet(4)[1]))
+    geometry, other = CollisionGeometry(points, faces, 0.3), CollisionGeometry(points, faces, 0.3)
+    fresh = rows(geometry.candidates(points).pairs)
+    for before in (geometry.candidates(points, distance=0.0), other.candidates(points), None):
+        assert rows(geometry.candidates(points, before=before).pairs) == fresh
+    small = geometry.candidates(points, margin=0.01)
+    assert len(geometry.candidates(points, margin=0.5, before=small)) > len(small)
+
+
 def test_edges_that_have_shrunk_to_points_are_still_seen() -> None:
     rods = np.array([[0.0, 0, 0], [2, 0, 0], [0, 0, 1], [3, 0, 1]])
     geometry = CollisionGeometry(rods, np.empty((0, 3)), 0.1, edges=[[0, 1], [2, 3]])

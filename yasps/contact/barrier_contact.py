@@ -453,7 +453,8 @@ class BarrierContact(InScene):
         """
         geometry = self.geometry
         if self._kept is None or not geometry.covers(self._kept, start, end):
-            self._kept = geometry.candidates(start, end, margin=MARGIN * geometry.activation_distance)
+            margin = MARGIN * geometry.activation_distance
+            self._kept = geometry.candidates(start, end, margin=margin, before=self._kept)
         if self._is_short(start, end):
             return 1.0, self._kept
         step = geometry.step_bound(start, end, self._kept, start_is_free=True, is_covered=True)

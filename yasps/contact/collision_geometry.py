@@ -40,6 +40,8 @@ from yasps.runtime.core.library import Runtime, load_runtime
 from yasps.runtime.core.uncopied import Uncopied
 
 _ROUNDING = 8 * float(np.finfo(np.float64).eps)
+_FEW_STRAY = 0.25
+"""Of all vertices; if more leave the way of earlier candidates, pairs are looked for anew."""
 
 
 @dataclass(frozen=True)
@@ -187,12 +189,16 @@ class CollisionGeometry(Uncopied):
         distance: float | None = None,
         *,
         margin: float = 0.0,
+        before: Candidates | None = None,
     ) -> Candidates:
         """Broad phase for one line search: pairs that may come closer than `distance` on the way.
 
         `start`, `end` [n, 3]; no `end` means no motion. `distance` defaults to the activation distance; 0 is
         enough for :meth:`step_bound` alone. `margin` [length]: the result also serves motions that leave this one
         by no more than that (see :meth:`covers`).
+
+        `before`: earlier candidates. Where most vertices are near the way that these were made for, only the pairs of
+        others are looked for, which is faster; then the result serves motions that leave this one by half the margin.
         """
         first = self._checked(start, "start").copy()
         last = first if end is None else self._checked(end, "end").copy()
@@ -202,14 +208,26 @@ class CollisionGeometry(Uncopied):
         margin = checked_length(margin, "margin")
         # Positions that rounding of start + step * (end - start) puts just beside the way belong to it.
         size = max(np.abs(first).max(initial=0.0), np.abs(last).max(initial=0.0))
-        allowed = margin + 1e-6 * reach + _ROUNDING * size
+        rounding = _ROUNDING * size
+        allowed = margin + 1e-6 * reach + rounding
+        kept = None
+        if before is not None and before.surface is self._surface and before.distance >= reach:
+            # A part of the other way is rounded.
+            shared = min(allowed, before.margin - rounding)
+            start_of_both, end_of_both, strayed = self._surface.part_of_way(
+                before.start, before.end, first, last, 0.5 * shared
+            )
+            if shared >= margin and np.count_nonzero(strayed) <= _FEW_STRAY * self.vertex_count:
+                first, last, allowed, kept = start_of_both, end_of_both, shared, (before.pairs, strayed)
         # A pair comes nearer by twice the margin; and distances are rounded, too.
-        pairs = self._surface.find(first, last, reach + 2 * allowed + _ROUNDING * size)
+        pairs = self._surface.find(first, last, reach + 2 * allowed + rounding, kept)
         return Candidates(self._surface, reach, allowed, first, last, pairs)
 
     def covers(self, candidates: Candidates, *positions: ArrayLike) -> bool:
         """Whether `candidates` serve all these positions [n, 3], and so the straight ways between them."""
-        return all(self._off_way(self._checked(part, "positions"), candidates) <= 0 for part in positions)
+        # By a little less than the margin: rounding of places between them is then no reason to refuse those.
+        most = -1e-9 * candidates.margin
+        return all(self._off_way(self._checked(part, "positions"), candidates) <= most for part in positions)
 
     def active_set(self, positions: ArrayLike, candidates: Candidates | None = None) -> ActiveSet:
         """All pairs whose gap is below the activation distance at `positions` [n, 3].
@@ -352,7 +370,8 @@ class CollisionGeometry(Uncopied):
         """By how much positions leave what candidates were made for; at most 0 if they do not."""
         if candidates.surface is not self._surface:
             raise SceneError("candidates belong to another CollisionGeometry: make them with this one's candidates()")
-        return self._surface.distance_to_way(candidates.start, candidates.end, positions) - candidates.margin
+        margin = candidates.margin
+        return self._surface.distance_to_way(candidates.start, candidates.end, positions, margin) - margin
 
     def _on_way(self, positions: ArrayLike, name: str, candidates: Candidates) -> Floats:
         full = self._checked(positions, name)

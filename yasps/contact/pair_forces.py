@@ -17,7 +17,7 @@ import numpy as np
 from yasps.contact.active_set import Floats
 from yasps.contact.friction import KINETIC_FROM
 from yasps.contact.kinds import PARALLEL
-from yasps.contact.rows import row_dots
+from yasps.contact.rows import row_crosses, row_dots
 
 _LINES = np.array([[1.0, 0.0], [-1.0, 0.0], [0.0, -1.0], [0.0, 1.0]])
 _SLOPES: dict[str, Floats] = {
@@ -94,14 +94,14 @@ def closest_points(kind: str, x: Floats) -> ClosestPoints:
     if kind.endswith("edge_edge"):
         first, second, offset = x[:, 1] - x[:, 0], x[:, 3] - x[:, 2], x[:, 2] - x[:, 0]
         normal, area = _normal(first, second)
-        s = row_dots(np.cross(offset, second), normal) / area
-        t = row_dots(np.cross(offset, first), normal) / area
+        s = row_dots(row_crosses(offset, second), normal) / area
+        t = row_dots(row_crosses(offset, first), normal) / area
         weights = np.stack([s - 1, -s, 1 - t, t], axis=1)
         way, along = _part_along(offset, normal, area), np.stack([-first, second], axis=1)
     elif kind == "point_triangle":
         first, second, offset = x[:, 2] - x[:, 1], x[:, 3] - x[:, 1], x[:, 0] - x[:, 1]
         normal, area = _normal(first, second)
-        u, v = row_dots(np.cross(offset, second), normal) / area, row_dots(np.cross(first, offset), normal) / area
+        u, v = row_dots(row_crosses(offset, second), normal) / area, row_dots(row_crosses(first, offset), normal) / area
         weights = np.stack([-np.ones(len(x)), 1 - u - v, u, v], axis=1)
         way, along = _part_along(-offset, normal, area), np.stack([first, second], axis=1)
     elif kind.endswith("point_edge"):
@@ -109,7 +109,9 @@ def closest_points(kind: str, x: Floats) -> ClosestPoints:
         area = row_dots(edge, edge)
         t = -row_dots(offset, edge) / area
         weights = np.stack([-np.ones(len(x)), 1 - t, t, *([np.zeros(len(x))] if kind[0] == "m" else [])], axis=1)
-        way = np.cross(edge, np.cross(offset, edge)) / area[:, None]  # all of it orthogonal, however long the edge is
+        way = (
+            row_crosses(edge, row_crosses(offset, edge)) / area[:, None]
+        )  # all of it orthogonal, however long the edge is
         along = edge[:, None]
     else:
         weights = np.tile([-1.0, 1.0, 0.0, 0.0][: x.shape[1]], (len(x), 1))
@@ -124,7 +126,7 @@ def lagged_points(kind: str, x: Floats) -> tuple[Floats, Floats]:
         first, second, offset = x[:, 1] - x[:, 0], x[:, 3] - x[:, 2], x[:, 2] - x[:, 0]
         long_first, long_second = row_dots(first, first), row_dots(second, second)
         normal, area = _normal(first, second)
-        s = (row_dots(np.cross(offset, second), normal) / (area + PARALLEL * long_first * long_second)).clip(0, 1)
+        s = (row_dots(row_crosses(offset, second), normal) / (area + PARALLEL * long_first * long_second)).clip(0, 1)
         t = (row_dots(s[:, None] * first - offset, second) / long_second).clip(0, 1)
         s = (row_dots(offset + t[:, None] * second, first) / long_first).clip(0, 1)
         weights = np.stack([s - 1, -s, 1 - t, t], axis=1)
@@ -156,10 +158,10 @@ def mollifiers(edges: tuple[tuple[int, int], tuple[int, int]], x: Floats, thresh
     """(c/e) (2 - c/e), c = |u x v|^2, of corners x [n, 4, 3] and thresholds e [n] [m^4]; its derivative, [n, 4, 3]."""
     (a, b), (c, d) = edges
     u, v = x[:, b] - x[:, a], x[:, d] - x[:, c]
-    normal = np.cross(u, v)
+    normal = row_crosses(u, v)
     ratio = row_dots(normal, normal) / threshold
     by_square = (4 * (1 - ratio) / threshold)[:, None]
-    of_u, of_v = by_square * np.cross(v, normal), by_square * np.cross(normal, u)
+    of_u, of_v = by_square * row_crosses(v, normal), by_square * row_crosses(normal, u)
     slopes = np.zeros((len(x), 4, 3))
     slopes[:, a], slopes[:, b], slopes[:, c], slopes[:, d] = -of_u, of_u, -of_v, of_v
     return ratio * (2 - ratio), slopes
@@ -183,7 +185,7 @@ def _signs(kind: str) -> Floats:
 
 
 def _normal(first: Floats, second: Floats) -> tuple[Floats, Floats]:
-    normal = np.cross(first, second)
+    normal = row_crosses(first, second)
     return normal, row_dots(normal, normal)
 
 

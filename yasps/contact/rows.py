@@ -15,6 +15,15 @@ def row_dots(first: Floats, second: Floats) -> Floats:
     return np.asarray(sums)
 
 
+def row_crosses(first: Floats, second: Floats) -> Floats:
+    """The cross product of each row of `first` with that of `second`, [n, 3]."""
+    crosses = np.empty_like(first)
+    for k, (i, j) in enumerate(((1, 2), (2, 0), (0, 1))):
+        np.multiply(first[:, i], second[:, j], out=crosses[:, k])
+        crosses[:, k] -= first[:, j] * second[:, i]
+    return crosses
+
+
 def longest_way(start: Floats, end: Floats) -> float:
     """How far the vertex moves that moves farthest from `start` to `end` [n, 3]; 0 without vertices."""
     way = end - start

@@ -28,10 +28,11 @@ def run_frames(
     """See `Simulation.run`."""
     frames = checked_count(frames, "frames", 0, SceneError)
     reports = []
-    if recorder is not None and simulation.frame == 0:
-        recorder.record(simulation)
-    if checkpoints is not None:
-        checkpoints.save(simulation)
+    with simulation.times.stage("output"):
+        if recorder is not None and simulation.frame == 0:
+            recorder.record(simulation)
+        if checkpoints is not None:
+            checkpoints.save(simulation)
     with FrameProgress(frames) as progress:
         for frame in range(1, frames + 1):
             begin = time.perf_counter()
@@ -52,5 +53,6 @@ def run_frames(
                 milliseconds=1e3 * seconds,
             )
     if checkpoints is not None:
-        checkpoints.save(simulation)
+        with simulation.times.stage("output"):
+            checkpoints.save(simulation)
     return reports

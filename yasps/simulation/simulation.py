@@ -130,7 +130,8 @@ class Simulation:
         time_step = positive_number(time_step, "time_step", "s", SceneError)
         gravity = in_instances(real_numbers(gravity, "gravity"), 1, (3, 1), "gravity")
         check_names(scene, ["time_step", "effective_step", "gravity", *(["everything"] if contact else [])])
-        chosen = self._check(bodies)
+        with self.times.stage("set-up"):
+            chosen = self._check(bodies)
         moving = [body for body in chosen if not body.is_fixed]
         if activation_distance is None:
             corners = np.concatenate([body.positions() for body in moving])
@@ -143,9 +144,10 @@ class Simulation:
         self.driven = DrivenBodies(scene, self.time_step)
         self._companions: list[Companion] = []
         self._carried: list[Carried] = []
-        for body in chosen:
-            self._take(body)
-        self._connect(start)
+        with self.times.stage("set-up"):
+            for body in chosen:
+                self._take(body)
+            self._connect(start)
 
     # -- bodies --------------------------------------------------------------------------------------------
 

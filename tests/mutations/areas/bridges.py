@@ -46,9 +46,9 @@ MUTATIONS = (
     ),
     Mutation(
         "energies that are named are left out of what a compiled scene is kept by",
-        "frontend/scene.py",
-        "key = (tuple(targets), tuple(chosen))",
-        "key = (tuple(targets), ())",
+        "frontend/execution/variants.py",
+        "key = (tuple(inputs), tuple(chosen))",
+        "key = (tuple(inputs), ())",
         (f"{FUNCTION}::test_scipy_finds_the_minimum", f"{FUNCTION}::test_an_energy_that_is_not_registered"),
     ),
     Mutation(

@@ -13,6 +13,7 @@ IMPROVED = "tests/contact/test_improved_max.py"
 THICKNESS = "tests/contact/test_thickness.py"
 POINTS = "tests/contact/test_loose_points.py"
 MOTION = "tests/contact/test_collision_motion.py"
+BEFORE = (f"{MOTION}::test_candidates_made_of_earlier_ones_serve_as_well_as_fresh_ones",)
 KEPT = (f"{MOTION}::test_kept_candidates_find_what_ipctk_finds_anew",)
 SAFE = (f"{MOTION}::test_step_bounds_are_ipctks_and_safe", f"{GEOMETRY}::test_step_bound_stops_before_the_ground")
 MANY = "tests/runtime/collision/test_many_pairs.py"
@@ -134,6 +135,69 @@ MUTATIONS = (
         "reach + 2 * allowed",
         "reach + allowed",
         (f"{MOTION}::test_both_sides_of_a_pair_may_use_up_their_margin",),
+    ),
+    Mutation(
+        "vertices that strayed are looked for in one of two nodes",
+        NEAR,
+        "!(one.strayed || other.strayed)",
+        "!one.strayed",
+        BEFORE,
+    ),
+    Mutation(
+        "vertices that strayed are looked for in one of two blocks",
+        NEAR,
+        "one.strayed >> i & 1 ? 0xff : other.strayed",
+        "other.strayed",
+        BEFORE,
+    ),
+    Mutation(
+        "rows that stayed are not held against pieces that strayed",
+        NEAR,
+        "other.strayed != 0 ? rows : rows & one.strayed",
+        "rows & one.strayed",
+        BEFORE,
+    ),
+    Mutation(
+        "pairs of vertices that strayed are kept, too",
+        NEAR,
+        "list.count += !(strayed[v[0]] | strayed[v[1]] | strayed[v[2]] | strayed[v[3]]);",
+        "++list.count;",
+        BEFORE,
+    ),
+    Mutation(
+        "pairs are kept for the end of a part of a way that is not its end",
+        "runtime/collision/ways.cpp",
+        "finish = way.nearest_time(last)",
+        "finish = 1",
+        BEFORE,
+    ),
+    Mutation(
+        "positions are covered at the time that is best for most alone",
+        "runtime/collision/ways.cpp",
+        "if (time >= 0) squared = way.most_off(at, time);",
+        "(void)time;",
+        (f"{MOTION}::test_places_between_covered_ones_are_covered",),
+    ),
+    Mutation(
+        "vertices stray that have left the way at its end alone",
+        "runtime/collision/ways.cpp",
+        "std::max(square(first[v] - from), square(last[v] - to))",
+        "square(first[v] - from)",
+        BEFORE,
+    ),
+    Mutation(
+        "candidates of less reach are made use of",
+        "yasps/contact/collision_geometry.py",
+        " and before.distance >= reach",
+        "",
+        (f"{MOTION}::test_earlier_candidates_of_less_reach_or_another_surface_are_not_used",),
+    ),
+    Mutation(
+        "candidates of less margin are made use of",
+        "yasps/contact/collision_geometry.py",
+        "shared >= margin and ",
+        "",
+        (f"{MOTION}::test_earlier_candidates_of_less_reach_or_another_surface_are_not_used",),
     ),
     Mutation(
         "fixed vertices meet each other",
@@ -301,8 +365,8 @@ MUTATIONS = (
     Mutation(
         "boxes are no larger by the radii",
         TREE,
-        "lower -= around, upper += around;",
-        "lower -= around, upper += 0 * around;",
+        "of[v] = {at - around, at + around, along, along};",
+        "of[v] = {at - around, at, along, along};",
         (THICKNESS,),
     ),
     Mutation(
@@ -329,8 +393,8 @@ MUTATIONS = (
     Mutation(
         "points do not meet each other",
         NEAR,
-        "!edges(s.points, s.points, s.point_point) || !edges",
-        "!edges",
+        "edges(s.points, s.points, s.point_point) && edges",
+        "edges",
         (f"{POINTS}::test_pairs_of_many_points_are_all_that_are_near",),
     ),
     Mutation(
@@ -446,10 +510,31 @@ MUTATIONS = (
         (f"{LOOK}::test_constraints_keep_what_falls_out_of_the_others_and_half_spaces",),
     ),
     Mutation(
+        "lanes beyond the last pair are measured, too",
+        PAIRS,
+        "near_lanes<kSplit>(ask, pack) & ((1U << lanes) - 1);",
+        "near_lanes<kSplit>(ask, pack);",
+        POTENTIAL,
+    ),
+    Mutation(
+        "a pair is left out by a distance that is not sure",
+        PAIRS,
+        "closest.squared)) & closest.sure);",
+        "closest.squared)));",
+        (f"{MANY}::test_a_normal_that_is_mostly_rounding_hides_no_pair",),
+    ),
+    Mutation(
+        "pairs near the reach are left out",
+        PAIRS,
+        "far * far * (1 + 1e-9)",
+        "far * far * 0.9",
+        POTENTIAL,
+    ),
+    Mutation(
         "pairs beyond the line of their middles are measured from the first lane on",
         PAIRS,
-        "count += !(beyond >> l & 1);",
-        "count += !(beyond >> (l ^ 1) & 1);",
+        "near_count += within >> l & 1;",
+        "near_count += within >> (l ^ 1) & 1;",
         ALONE,
     ),
     Mutation(
@@ -462,7 +547,7 @@ MUTATIONS = (
     Mutation(
         "thickness is whole for pairs that are near at rest",
         PAIRS,
-        "apart_at_rest ? 1 : thickness.share(v, split, ask.rest);",
+        "apart_at_rest >> l & 1 ? 1 : thickness.share(v, kSplit, ask.rest);",
         "1;",
         (THICKNESS,),
     ),

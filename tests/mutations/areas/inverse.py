@@ -100,7 +100,7 @@ MUTATIONS = (
     ),
     Mutation(
         "jacobian: columns of variables that are not read are left out",
-        "frontend/scene.py",
+        "frontend/execution/variants.py",
         "blocks.append(sparse.csr_array((count * entries, size)))",
         "pass",
         ("tests/frontend/execution/test_hessian.py::test_jacobian_against_differences",),

@@ -5,6 +5,8 @@ from __future__ import annotations
 from mutation import Mutation
 
 ORDER = "tests/frontend/execution/test_instance_order.py"
+SCENE = "frontend/execution/compiled_scene.py"
+KEPT = ("tests/frontend/execution/test_kept_values.py::test_values_follow_all_that_they_are_computed_from",)
 PRIMITIVE = "tests/frontend/language/test_primitive.py"
 RESIZING = "tests/frontend/language/test_resizing.py"
 
@@ -121,6 +123,55 @@ MUTATIONS = (
         "stack += entity.members if isinstance(entity, PrimitiveUnion) else ()",
         "pass",
         ("tests/frontend/test_errors.py::test_stale_numbers_on_a_union_are_told",),
+    ),
+    Mutation(
+        "kept values are computed once for all",
+        SCENE,
+        "new is not old and not (isinstance(new, int) and new == old)",
+        "False",
+        KEPT,
+    ),
+    Mutation(
+        "kept values do not follow connectivities",
+        SCENE,
+        "        state += [connectivity.stored_indices for connectivity in self._connectivities]\n",
+        "",
+        KEPT,
+    ),
+    Mutation(
+        "kept values do not follow numbers set in place",
+        SCENE,
+        "state += (node.array, node.version)",
+        "state += (node.array,)",
+        KEPT,
+    ),
+    Mutation(
+        "the code is not pointed to new kept values",
+        SCENE,
+        "                self._point()\n\n    def _bind",
+        "                pass\n\n    def _bind",
+        KEPT,
+    ),
+    Mutation(
+        "what depends on targets is kept",
+        "frontend/execution/emit.py",
+        "and self.varied.isdisjoint(source.inputs)",
+        "",
+        ("tests/frontend/execution/test_kept_values.py::test_what_depends_on_targets_is_not_kept",),
+    ),
+    Mutation(
+        "what depends on dynamic instances is kept",
+        "frontend/execution/emit.py",
+        " or source.owner.is_dynamic:",
+        ":",
+        ("tests/frontend/execution/test_kept_values.py::test_what_depends_on_dynamic_instances_is_not_kept",),
+    ),
+    Mutation(
+        "a GPU does not get new numbers before it computes kept values",
+        "frontend/execution/cuda_scene.py",
+        "        self._send_all()\n        self.program.launch_batch",
+        "        self.program.launch_batch",
+        KEPT,
     ),
     Mutation(
         "a pointer that led to a copy is not put back",

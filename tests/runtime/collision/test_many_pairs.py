@@ -132,6 +132,19 @@ def test_a_pair_is_the_same_among_others_as_alone(triangle: bool) -> None:
             assert vertices[:used].tolist() == alone[kind].vertices[0, :used].tolist()
 
 
+def test_a_normal_that_is_mostly_rounding_hides_no_pair() -> None:
+    """By the formula of lines such edges seem to be farther apart than they are."""
+    rng = np.random.default_rng(5)
+    points = np.concatenate([crossing_edges(rng, 200, angle, 1e-7) for angle in (1e-11, 1e-10, 1e-9)])
+    surface, pairs = together(points, False)
+    x = points.reshape(-1, 3)
+    kinds, _, _ = surface.close_pairs(x, x, 2e-7, pairs)
+    geometry = PairGeometry(False)
+    expected = [number for number, each in enumerate(points) if geometry.distance(each)[0] < 2e-7]
+    assert sorted(int(row[0]) // 4 for kind in kinds for row in kind.vertices) == expected
+    assert len(expected) > 300
+
+
 @pytest.mark.parametrize("triangle", [False, True], ids=["edges", "triangle"])
 def test_a_step_is_bounded_by_the_first_pair_to_meet(triangle: bool) -> None:
     points = pairs_of_all_sorts(triangle)
