@@ -231,9 +231,15 @@ class CompiledScene(InScene, ABC):
         """Makes rows and columns of these unknowns in the assembled Hessian those of the identity."""
 
     @abstractmethod
-    def solve_linear(self, gradient: FloatArray, options: SolveOptions) -> tuple[FloatArray, SolveReport]:
-        """x of H x = gradient for the assembled Hessian, and how the solver ended. Raises DataError for a solver that
-        the device does not have."""
+    def solve_linear(
+        self, gradient: FloatArray, options: SolveOptions, start: FloatArray | None = None
+    ) -> tuple[FloatArray, SolveReport]:
+        """x of H x = gradient for the assembled Hessian, and how the solver ended. start: where conjugate gradients
+        begin, default 0. Raises DataError for a solver that the device does not have."""
+
+    @abstractmethod
+    def multiply(self, x: FloatArray) -> FloatArray:
+        """H x for the assembled Hessian, x [unknowns]."""
 
     @abstractmethod
     def placement_indices(self, term: Term) -> NDArray[np.int32]:

@@ -49,6 +49,7 @@ class CpuScene(CompiledScene):
         self._assembler = Assembler(runtime, deterministic=deterministic)
         # What an assembler remembers of the places that it writes to is another for a gradient alone.
         self._of_gradients = Assembler(runtime, deterministic=deterministic)
+        self._deterministic = deterministic
         self._solver = LinearSolver(runtime, deterministic=deterministic)
         super().__init__(request)
 
@@ -183,8 +184,16 @@ class CpuScene(CompiledScene):
         self.dynamic_matrix.fix(fixed)
 
     @one_thread_at_a_time
-    def solve_linear(self, gradient: FloatArray, options: SolveOptions) -> tuple[FloatArray, SolveReport]:
-        return self._solver.solve([self.static_matrix, self.dynamic_matrix], gradient, options)
+    def solve_linear(
+        self, gradient: FloatArray, options: SolveOptions, start: FloatArray | None = None
+    ) -> tuple[FloatArray, SolveReport]:
+        return self._solver.solve([self.static_matrix, self.dynamic_matrix], gradient, options, start)
+
+    @one_thread_at_a_time
+    def multiply(self, x: FloatArray) -> FloatArray:
+        matrices = self.static_matrix, self.dynamic_matrix
+        static, dynamic = (matrix.multiply(x, deterministic=self._deterministic) for matrix in matrices)
+        return static + dynamic
 
     @one_thread_at_a_time
     def placement_indices(self, term: Term) -> NDArray[np.int32]:

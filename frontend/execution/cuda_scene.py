@@ -101,6 +101,8 @@ class CudaScene(CompiledScene):
         )
         self._gradient = CudaGradient(device, loaded, deterministic=deterministic, scratch=scratch)
         self._right = DeviceArray(device, np.float64, "the right side of a linear system")
+        self._start = DeviceArray(device, np.float64, "where the solver of a linear system begins")
+        self._product = DeviceArray(device, np.float64, "the product of the Hessian with a vector")
         self._outcomes = DeviceArray(device, np.uint64, "outcomes of derivatives")
         self._values = DeviceArray(device, np.float64, "values of an attribute")
         self._sum = DeviceSum(device, loaded)
@@ -263,15 +265,23 @@ class CudaScene(CompiledScene):
         )
 
     @one_thread_at_a_time
-    def solve_linear(self, gradient: FloatArray, options: SolveOptions) -> tuple[FloatArray, SolveReport]:
+    def solve_linear(
+        self, gradient: FloatArray, options: SolveOptions, start: FloatArray | None = None
+    ) -> tuple[FloatArray, SolveReport]:
         if options.solver == "direct":
             raise DataError(
                 "solver='direct' runs on the CPU only: take solver='pcg' or 'auto' (which is 'pcg' on a GPU), or make "
                 "the scene with device='cpu'"
             )
         parts = [self.static_matrix, self.dynamic_matrix]
-        x, report = self._solver.solve(parts, self._right.upload(gradient), options)
+        first = self._start.upload(start) if start is not None else None
+        x, report = self._solver.solve(parts, self._right.upload(gradient), options, first)
         return x.download(), report
+
+    @one_thread_at_a_time
+    def multiply(self, x: FloatArray) -> FloatArray:
+        self._solver.multiply([self.static_matrix, self.dynamic_matrix], self._start.upload(x), self._product)
+        return self._product.download()
 
     @one_thread_at_a_time
     def placement_indices(self, term: Term) -> NDArray[np.int32]:

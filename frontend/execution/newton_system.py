@@ -88,6 +88,7 @@ def solve_newton_system(
     *,
     stages: Stages | None = None,
     fixed: NDArray[np.bool_] | None = None,
+    guess: FloatArray | None = None,
 ) -> NewtonSolution:
     """Assembles gradient and Hessian at the current values and solves H x = g.
 
@@ -99,6 +100,7 @@ def solve_newton_system(
     while elasticity is seldom so concave that H were not positive definite.
 
     fixed: unknowns that stay as they are, see `CompiledScene.assemble` and `CompiledScene.unknowns_of`; x is 0 there.
+    guess: an estimate of x, 0 where something is fixed; conjugate gradients start from the best multiple of it.
 
     The report tells how the solve ended; nothing is raised for it. Raises NotFiniteError.
     """
@@ -108,12 +110,26 @@ def solve_newton_system(
         with stages.stage("derivatives and assembly"):
             gradient = compiled.assemble(project=project, fixed=fixed)
         with stages.stage("linear solver"):
-            x, report = compiled.solve_linear(gradient, options)
+            start = None
+            if guess is not None and options.solver != "direct":
+                start = _best_multiple(compiled, guess, gradient)
+            x, report = compiled.solve_linear(gradient, options, start)
         solution = NewtonSolution(x, gradient, report, project is True, wasted)
         if project is True or not _needs_projection(solution):
             break
         wasted += report.iterations
     return solution
+
+
+def _best_multiple(compiled: CompiledScene, guess: FloatArray, gradient: FloatArray) -> FloatArray | None:
+    """Where the quadratic model x^T H x / 2 - g^T x is least along a guess; None where it has no least place.
+
+    It is at most 0 there, and conjugate gradients lower it in each iteration: at their result g^T x > 0, as from 0.
+    """
+    slope, curvature = float((guess * gradient).sum()), float((guess * compiled.multiply(guess)).sum())
+    if not (curvature > 0 and np.isfinite(slope / curvature)):
+        return None
+    return slope / curvature * guess
 
 
 def _needs_projection(solution: NewtonSolution) -> bool:

@@ -106,6 +106,9 @@ class Minimization:
     rounding: float = 0.0
     """Differences of energies that may be only rounding [J]; known where forces are asked for."""
     projections: ProjectionChoice = field(default_factory=ProjectionChoice)
+    left_over: FloatArray | None = None
+    """What of the last x a step did not do, if it was cut short, [unknowns]: about the next x, since H and the forces
+    change little on a short way."""
     stands_still: bool = False
     """Whether the last direction moves no vertex by more than positions are rounded."""
 
@@ -156,7 +159,10 @@ class Minimization:
             is_short = settings.velocity_tolerance is None or report.largest_velocity < settings.velocity_tolerance
             if self.contact is not None and not is_short:
                 direction = best_direction(self, motion, solution.gradient, here, direction)
+            taken = len(report.step_lengths)
             here, report.energy = _LineSearch(self, motion, direction, here).run(is_short)
+            if len(report.step_lengths) > taken:
+                self.left_over = self.left_by(solution, direction, report.step_lengths[-1])
             if self.contact is not None:
                 self.contact.accept(here)
             if is_short and self.forces_hold():
@@ -215,7 +221,8 @@ class Minimization:
         """Newton's direction where the targets are now."""
         compiled, settings = self.scene.compile(), self.settings
         linear = self.projections.options(settings.linear, self.report.step_lengths)
-        solution = solve_newton_system(compiled, linear, stages=self.times, fixed=self.fixed)
+        guess, self.left_over = self.left_over, None
+        solution = solve_newton_system(compiled, linear, stages=self.times, fixed=self.fixed, guess=guess)
         self.projections.learn(linear, solution)
         solved = solution.report
         self.report.cg_iterations += solved.all_iterations + solution.wasted_iterations
@@ -231,6 +238,13 @@ class Minimization:
                 + self._least_distance()
             )
         return solution
+
+    def left_by(self, solution: NewtonSolution, direction: Direction, step: float) -> FloatArray | None:
+        """What is left of x after so much of a direction; None after a whole step."""
+        if step >= 1.0:
+            return None
+        moved = np.concatenate([one.reshape(-1) for one in direction.of_targets])
+        return solution.x - step * moved
 
     def open(self, solution: NewtonSolution, crushed: FloatArray, here: FloatArray) -> FloatArray | None:
         """Opens crushed pairs, along H^-1 of their gradient; where the vertices are then. None, and nothing moves, if

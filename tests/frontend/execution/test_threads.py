@@ -228,6 +228,7 @@ def test_everything_that_works_on_a_scene_takes_its_lock(monkeypatch: pytest.Mon
         "assemble": compiled.assemble,
         "update_structure": compiled.update_structure,
         "solve_linear": lambda: compiled.solve_linear(np.ones(30), SolveOptions(1e-4, 1)),
+        "multiply": lambda: compiled.multiply(np.ones(30)),
         "compiled.total_energy": compiled.total_energy,
         "compiled.energies": compiled.energies,
         "compiled.hessian": compiled.hessian,

@@ -34,6 +34,27 @@ ANEW = (f"{REMESHING}::test_the_simulation_is_then_one_of_the_new_mesh",)
 
 MUTATIONS = (
     Mutation(
+        "a guess of the Newton step is taken as it is",
+        "frontend/execution/newton_system.py",
+        "return slope / curvature * guess",
+        "return guess",
+        ("tests/frontend/execution/test_newton_guess.py::test_starts_at_the_best_multiple_of_a_guess",),
+    ),
+    Mutation(
+        "a guess without a best multiple is taken",
+        "frontend/execution/newton_system.py",
+        "if not (curvature > 0 and np.isfinite(slope / curvature)):",
+        "if False:",
+        ("tests/frontend/execution/test_newton_guess.py::test_a_guess_without_a_best_multiple_changes_nothing",),
+    ),
+    Mutation(
+        "what a cut step left over is what it did",
+        CODE,
+        "return solution.x - step * moved",
+        "return step * moved",
+        (f"{DETOURS}::test_what_a_cut_step_left_over_saves_iterations",),
+    ),
+    Mutation(
         "static energies are projected at once",
         "frontend/execution/newton_system.py",
         '    "auto": ("dynamic", True),\n',
