@@ -41,6 +41,8 @@ SPMV_NOTES = (
     "with inverting the diagonal blocks.",
     "cuSPARSE's matrices hold both triangles; theirs is the time of one product.",
 )
+OPTIONS = SolveOptions(TOLERANCE, MAX_ITERATIONS, preconditioner="jacobi")
+"""What both solvers have."""
 SOLVER_NOTES = (
     *DEVICE_NOTES,
     f"The whole solve, block-Jacobi, r^T M^-1 r <= {TOLERANCE:g} g^T M^-1 g; the gradient is there already. floor: "
@@ -175,17 +177,17 @@ def _solver_rows(make: MakeProblem, settings: Settings, device: Device, bandwidt
     assert isinstance(gpu, CudaScene)
     pcg, parts, g = PcgSolver(load_runtime(find_compiler())), [gpu.static_matrix, gpu.dynamic_matrix], ours.gradient
     right = _vector(device, theirs.gradient)
-    cpu_report = pcg.solve(ours.parts, g, SolveOptions(TOLERANCE, MAX_ITERATIONS), threads=settings.threads)[1]
-    report = gpu._solver.solve(parts, right, SolveOptions(TOLERANCE, MAX_ITERATIONS))[1]
+    cpu_report = pcg.solve(ours.parts, g, OPTIONS, threads=settings.threads)[1]
+    report = gpu._solver.solve(parts, right, OPTIONS)[1]
     for where, one in (("the CPU", cpu_report), (device.name, report)):
         if not one.converged:
             raise SystemNotSolvedError(f"{ours.name}: conjugate gradients on {where} ended with: {one}")
 
     def solve() -> None:
-        pcg.solve(ours.parts, g, SolveOptions(TOLERANCE, MAX_ITERATIONS), threads=settings.threads)
+        pcg.solve(ours.parts, g, OPTIONS, threads=settings.threads)
 
     def solve_there() -> None:
-        gpu._solver.solve(parts, right, SolveOptions(TOLERANCE, MAX_ITERATIONS))
+        gpu._solver.solve(parts, right, OPTIONS)
 
     peers = [
         Peer(ours.name, "yasps PCG", settings.threads, solve, 1.0, "s"),

@@ -150,7 +150,7 @@ def check_kernels(scene: Scene, runtime: Runtime) -> CpuScene:
     """Machine code against the interpreter, and against complex steps where nothing is projected."""
     scene._runtime = runtime
     compiled = scene.compile()
-    emitted = emit(scene)
+    emitted = dataclasses.replace(emit(scene), data=compiled.data())
     interpreter = Interpreter(compiled.module, emitted.data)
     assert_close(compiled.total_energy(), interpreter.total_energy(), "energy of the kernels", 1e-12)
     gradient = compiled.assemble()
@@ -171,7 +171,7 @@ def check_device_kernels(scene: Scene, device: Device) -> None:
     """The text of device code, and all around it, against the interpreter."""
     scene._device_name = device
     compiled = scene.compile()
-    emitted = emit(scene)
+    emitted = dataclasses.replace(emit(scene), data=compiled.data())
     interpreter = Interpreter(compiled.module, emitted.data)
     assert_close(compiled.total_energy(), interpreter.total_energy(), "energy of the device's kernels", 1e-12)
     wanted_gradient, wanted = assemble(compiled.module, emitted.data)
