@@ -3,8 +3,8 @@
 // Two bounding volume trees (or one with itself) are descended together; of what is near in them, pairs with a common
 // vertex, of classes that do not meet, or with a gap between them in the direction of each other are left out.
 //
-// Of pairs that were found before, those are taken over of which no vertex has strayed from the way they were found for;
-// then only pairs of which one has are looked for.
+// Of pairs that were found before, those are taken over of which no vertex has strayed from the way they were found
+// for; then only pairs of which one has are looked for.
 //
 // A loose point is an edge from a vertex to itself. It meets triangles as all vertices do, edges that are in no
 // triangle, and other such points; the edges of a triangle are part of that.
@@ -190,7 +190,8 @@ struct Surface {
     ChunkLists<Row> kept_edge_edge, edge_edge, point_point, point_edge, kept_vertex_triangle, vertex_triangle;
 };
 
-// Takes over those of the pairs, [count, 4], of which nothing strayed and which do not stay apart. False: out of memory.
+// Takes over those of the pairs, [count, 4], of which nothing strayed and which do not stay apart. False: out of
+// memory.
 template <int kSplit>
 bool keep(const int* pairs, long count, const uint8_t* strayed, const Ends& ends, double reach, int threads,
           ChunkLists<Row>* kept) {
@@ -239,7 +240,8 @@ void* yasps_surface_new(const int* const* pieces, const long* counts, const int*
 // moves straight from start to end ([vertices, 3]); sort: look for a better order of the trees first. Their numbers
 // go to counts[2]; the pairs, the same for any number of threads, stay in the surface until the next call.
 // strayed: [vertices], or null: all. The others move as they did when edge_edge and vertex_triangle were found
-// ([count, 4]) with this reach or more, or for a part of that way, all at the same time; so their pairs are among these.
+// ([count, 4]) with this reach or more, or for a part of that way, all at the same time; so their pairs are among
+// these.
 int yasps_surface_find(void* surface, const double* start, const double* end, long vertices, double reach, int sort,
                        const uint8_t* strayed, const int* edge_edge, long edge_count, const int* vertex_triangle,
                        long triangle_count, long* counts, int threads) {
@@ -261,11 +263,10 @@ int yasps_surface_find(void* surface, const double* start, const double* end, lo
         return Search<2>(a, b, s.scene, s.ends, reach).run(&found, used);
     };
     const Search<1> of_triangles(s.vertices, s.triangles, s.scene, s.ends, reach);
-    const bool fine =
-        keep<2>(edge_edge, edge_count, strayed, s.ends, reach, used, &s.kept_edge_edge) &&
-        keep<1>(vertex_triangle, triangle_count, strayed, s.ends, reach, used, &s.kept_vertex_triangle) &&
-        edges(s.edges, s.edges, s.edge_edge) && of_triangles.run(&s.vertex_triangle, used) &&
-        edges(s.points, s.points, s.point_point) && edges(s.points, s.free_edges, s.point_edge);
+    const bool fine = keep<2>(edge_edge, edge_count, strayed, s.ends, reach, used, &s.kept_edge_edge) &&
+                      keep<1>(vertex_triangle, triangle_count, strayed, s.ends, reach, used, &s.kept_vertex_triangle) &&
+                      edges(s.edges, s.edges, s.edge_edge) && of_triangles.run(&s.vertex_triangle, used) &&
+                      edges(s.points, s.points, s.point_point) && edges(s.points, s.free_edges, s.point_edge);
     if (!fine) return kOutOfMemory;
     counts[0] = s.kept_edge_edge.total() + s.edge_edge.total() + s.point_point.total() + s.point_edge.total();
     counts[1] = s.kept_vertex_triangle.total() + s.vertex_triangle.total();
