@@ -165,7 +165,7 @@ struct Structure {
     long blocks = 0;      // number of unique global blocks
     long values = 0;      // doubles in HessianBlocks
     int group_count = 0;  // shapes that occur
-    long builds = 0;      // how often it was built
+    long build = 0;       // which build of the process this is, from 1 on
     Buffer<Group> groups;
     Buffer<int> row, col;    // [blocks]: dof blocks, row <= col
     Buffer<int> padded_col;  // [blocks]: col as offset into padded vectors

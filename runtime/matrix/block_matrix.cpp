@@ -4,6 +4,7 @@
 // columns, which are then few enough to sort one row at a time. Rows are independent, so the result does not
 // depend on the number of threads. Rows without any block cost next to nothing: contacts touch few.
 #include <algorithm>
+#include <atomic>
 #include <new>
 
 #include "core/runtime.h"
@@ -340,6 +341,11 @@ void Layout::swap(Layout& other) {
 
 }  // namespace yasps
 
+namespace {
+// Numbers builds, so that what was made for one is not taken for another at the same address.
+std::atomic<long> last_build{0};
+}  // namespace
+
 extern "C" {
 
 yasps::Structure* yasps_structure_new() { return new (std::nothrow) yasps::Structure; }
@@ -353,7 +359,7 @@ int yasps_structure_build(yasps::Structure* s, long targets, const long* boundar
                           const int* const* kappa, long* const* position, int with_diagonal, int threads, long* where) {
     const bool fresh = boundaries != nullptr;
     s->aggregates.known = false;
-    ++s->builds;
+    s->build = ++last_build;
     if (fresh && !s->next_layout.build(targets, boundaries, block_sizes, order)) return yasps::kOutOfMemory;
     yasps::Buffer<long> first_source;
     if (!first_source.reserve(energy_count + 1)) return yasps::kOutOfMemory;

@@ -12,9 +12,6 @@ namespace {
 typedef float f4 __attribute__((vector_size(16)));
 typedef float f4_unaligned __attribute__((vector_size(16), aligned(4), may_alias));
 
-// More pieces than threads have no use, fewer rows in one make the preconditioner worse.
-constexpr long kMostPieces = 16;
-constexpr long kFewestRows = 100000;
 // One of so many rows of a second piece may come late because of contacts.
 constexpr long kFewestPerLate = 8;
 // What `Product` and `Uses` can number.
@@ -353,9 +350,12 @@ void scale_any(const double* h, int r, int c, const double* wi, const double* wj
 }  // namespace
 
 bool can_sweep(const Structure& structure) {
+    const Layout& layout = structure.layout;
     long couplings = 0;
-    for_each_coupling(structure, [&](const Group& group, long, int, int) { couplings += is_three(group); });
-    return 2 * couplings >= structure.layout.blocks;
+    for (int g = 0; g < structure.group_count; ++g)
+        if (is_three(structure.groups[g])) couplings += structure.groups[g].count;
+    for (long b = 0; b < layout.blocks; ++b) couplings -= layout.size[b] == 3 && structure.diagonal[b] >= 0;
+    return 2 * couplings >= layout.blocks;
 }
 
 bool list_products(GaussSeidel& s, const System& system, const Piece* pieces, long piece_count) {
@@ -388,8 +388,8 @@ bool list_products(GaussSeidel& s, const System& system, const Piece* pieces, lo
     if (!room) return false;
     static const Structure none;
     const Structure& moving = system.parts > 1 ? *system.structures[1] : none;
-    bool known =
-        s.structure == &fixed && s.build == fixed.builds && before == s.products.data && uses_before == s.uses.data;
+    const bool known = s.build == fixed.build && s.piece_count == piece_count && before == s.products.data &&
+                       uses_before == s.uses.data;
     if (!known) {
         std::fill_n(s.late.data, layout.blocks, 0);
         for (long k = 0; k < piece_count; ++k)
@@ -398,8 +398,8 @@ bool list_products(GaussSeidel& s, const System& system, const Piece* pieces, lo
     }
     if (!find_late_rows(s, fixed, moving, pieces, piece_count) || !known) {
         s.fixed_end = list_part(s, s.fixed, s.uses.data, fixed, layout, pieces, piece_count, 0);
-        s.structure = &fixed;
-        s.build = fixed.builds;
+        s.build = fixed.build;
+        s.piece_count = piece_count;
     }
     list_part(s, s.moving, s.uses.data + fixed.blocks, moving, layout, pieces, piece_count, s.fixed_end);
     list_stops(s, pieces, piece_count);

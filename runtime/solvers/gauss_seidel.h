@@ -81,8 +81,7 @@ struct GaussSeidel {
     Buffer<long> next;                   // scratch
 
     // What the lists of the static part were made for.
-    const Structure* structure = nullptr;
-    long build = 0;
+    long build = 0, piece_count = 0;
     long fixed_end = 0;  // of its products
 };
 

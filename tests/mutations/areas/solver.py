@@ -172,7 +172,7 @@ MUTATIONS = (
     Mutation(
         "sweeps: the lists of a static part outlive its structure",
         "runtime/matrix/block_matrix.cpp",
-        "    ++s->builds;\n",
+        "    s->build = ++last_build;\n",
         "",
         (f"{GAUSS_SEIDEL}::test_lists_follow_the_structure[1]",),
     ),
