@@ -308,12 +308,7 @@ void list_others(GaussSeidel& s, const System& system, long piece_count) {
 
 // C^-T of a diagonal block; inlined into one function for 3x3, in which loops over q are unrolled.
 YASPS_ALWAYS_INLINE Reason factor_block(int q, const System& system, long block, double* out, double* scratch) {
-    sum_diagonal_block(q, system.parts, system.structures, system.values, block, scratch);
-    bool finite = true;
-#pragma GCC unroll 9
-    for (int i = 0; i < q * q; ++i) finite &= fabs(scratch[i]) < INFINITY;
-    if (!finite) return kNotFinite;
-    const Reason status = invert_factor_of(scratch, q);
+    const Reason status = invert_factor_of_sum(q, system.parts, system.structures, system.values, block, scratch);
     if (status != kConverged) return status;
     const int stride = padded_size(q);
 #pragma GCC unroll 3

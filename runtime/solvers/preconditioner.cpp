@@ -12,12 +12,7 @@ namespace {
 // inverse are padded to whole vectors.
 YASPS_ALWAYS_INLINE Reason invert_block(int q, int parts, const Structure* const* structures,
                                         const double* const* values, long block, double* out, double* scratch) {
-    sum_diagonal_block(q, parts, structures, values, block, scratch);
-    bool finite = true;
-#pragma GCC unroll 9
-    for (int k = 0; k < q * q; ++k) finite &= fabs(scratch[k]) < INFINITY;
-    if (!finite) return kNotFinite;
-    const Reason status = invert_factor_of(scratch, q);
+    const Reason status = invert_factor_of_sum(q, parts, structures, values, block, scratch);
     if (status != kConverged) return status;
     const int stride = padded_size(q);
 #pragma GCC unroll 3

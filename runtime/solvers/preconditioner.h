@@ -10,9 +10,10 @@
 
 namespace yasps {
 
-// sum = what the parts have of a diagonal block of q x q numbers.
-YASPS_ALWAYS_INLINE void sum_diagonal_block(int q, int parts, const Structure* const* structures,
-                                            const double* const* values, long block, double* sum) {
+// sum becomes the inverse of the Cholesky factor of what the parts have of a diagonal block of q x q numbers, in its
+// lower triangle. Returns kConverged, or why not.
+YASPS_ALWAYS_INLINE Reason invert_factor_of_sum(int q, int parts, const Structure* const* structures,
+                                                const double* const* values, long block, double* sum) {
 #pragma GCC unroll 9
     for (int k = 0; k < q * q; ++k) sum[k] = 0;
     for (int p = 0; p < parts; ++p) {
@@ -22,6 +23,10 @@ YASPS_ALWAYS_INLINE void sum_diagonal_block(int q, int parts, const Structure* c
 #pragma GCC unroll 9
         for (int k = 0; k < q * q; ++k) sum[k] += part[k];
     }
+    bool finite = true;
+#pragma GCC unroll 9
+    for (int k = 0; k < q * q; ++k) finite &= fabs(sum[k]) < INFINITY;
+    return finite ? invert_factor_of(sum, q) : kNotFinite;
 }
 
 // Inverts the sum of the diagonal blocks of all parts, for dof blocks [range). Returns kConverged, or why `bad_block`
