@@ -102,8 +102,9 @@ def test_jittered_scenes_pass_it_too(name: str, seed: int, tmp_path: Path) -> No
     assert run(name, [*SCENES[name], "--headless", "--seed", str(seed), "--output", str(tmp_path)]) == 0
 
 
+# What slide_to_stop fits follows from all its frames: with half of them it is another simulation.
 @pytest.mark.nightly
-@pytest.mark.parametrize("name", SCENES)
+@pytest.mark.parametrize("name", [name for name in SCENES if name != "slide_to_stop"])
 def test_a_scene_goes_on_from_its_checkpoint_to_the_last_bit(name: str, tmp_path: Path) -> None:
     """With another number of threads, and its check passes."""
     frames = int(SCENES[name][SCENES[name].index("--frames") + 1])
