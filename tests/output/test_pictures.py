@@ -75,6 +75,16 @@ def test_a_shadow_lies_under_its_body_front_and_back(scene):
         assert np.abs(middle(shadow) - middle(red)).max() < 8
 
 
+def test_nothing_shows_through_what_lies_close_above_it(scene):
+    """A sheet 3e-4 above a smaller one, in a scene of 6 x 6 x 3."""
+    thin = CORNERS * [4, 4, 1e-4]
+    scene.move("red", thin + np.array([0, 0, 1.0]))
+    scene.move("green", thin * [0.9, 0.9, 1.0] + np.array([0, 0, 0.9997]))
+    image = scene.image()
+    assert mask(image, 0).sum() > 1000
+    assert mask(image, 1).sum() == 0
+
+
 def test_moving_changes_the_very_next_image(scene):
     scene.move("green", CORNERS + np.array([0, 50, 50]))
     scene.move("red", CORNERS + np.array([-2, 0, 0]))

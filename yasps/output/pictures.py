@@ -290,7 +290,9 @@ class FramePictures:
 
     def _place_camera(self, eye: Points, focus: Points) -> None:
         self.plotter.camera_position = [tuple(eye), tuple(focus), (0.0, 0.0, 1.0)]
-        self.plotter.camera.clipping_range = (1e-3 * self._diagonal, 40.0 * self._diagonal)
+        # Depths have 24 bits: with a nearer plane, what lies behind a cloth in contact would show through it.
+        nearest = max(1e-3 * self._diagonal, 0.02 * float(np.linalg.norm(np.subtract(eye, focus))))
+        self.plotter.camera.clipping_range = (nearest, 40.0 * self._diagonal)
         if self._ground is not None and self._lines is not None:
             below = [*self._middle[:2], (self._ground_height or 0.0) - 1e-3 * self._diagonal]
             self._square.points[:] = self._flat + np.array(below)

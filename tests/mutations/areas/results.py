@@ -14,6 +14,13 @@ IN_MOTION = "tests/output/test_motion_pictures.py"
 
 MUTATIONS = (
     Mutation(
+        "pictures: depths have too few digits",
+        "yasps/output/pictures.py",
+        "nearest = max(1e-3 * self._diagonal, 0.02 *",
+        "nearest = max(1e-3 * self._diagonal, 0.0 *",
+        ("tests/output/test_pictures.py::test_nothing_shows_through_what_lies_close_above_it",),
+    ),
+    Mutation(
         "a run that is resumed keeps one frame less",
         VTKHDF,
         'self._frames = int(np.searchsorted(times, until, side="right"))',
