@@ -268,7 +268,7 @@ class PcgSolver(Uncopied):
         gauss_seidel.h). It sweeps over the 3x3 blocks of the first two parts; others have a part in D alone, and where
         the first part couples few 3x3 blocks, block Jacobi solves. Rows are cut into pieces, as many as a power of two
         can be for the processors, up to 16, and one for less than 2,048 dof blocks; what couples a pair of pieces with
-        another is not in L. The products are of float32 numbers, scaled to unit diagonal blocks, which take 1.2 times
+        another is not in L. The products are of float32 numbers, scaled to unit diagonal blocks, which take 1.4 times
         the memory of H; residuals are checked with H itself, and where float32 is not enough, block Jacobi goes on, and
         `report.why` says so.
 
