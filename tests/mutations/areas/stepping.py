@@ -48,10 +48,10 @@ MUTATIONS = (
         ("tests/frontend/execution/test_newton_guess.py::test_a_guess_without_a_best_multiple_changes_nothing",),
     ),
     Mutation(
-        "what a cut step left over is what it did",
+        "nothing is left over by a cut step",
         CODE,
         "return solution.x - step * moved",
-        "return step * moved",
+        "return None",
         (f"{DETOURS}::test_what_a_cut_step_left_over_saves_iterations",),
     ),
     Mutation(
