@@ -102,7 +102,7 @@ def build(options: Options) -> Simulation:
         activation_distance=DISTANCE,
         barrier=options.barrier,
         contact_stiffness=STIFFNESS[options.barrier],
-        settings=NewtonSettings(velocity_tolerance=TOLERANCE, max_iterations=500, preconditioner="auto"),
+        settings=NewtonSettings(velocity_tolerance=TOLERANCE, max_iterations=500),
     )
     # --- Initialisation ---
     simulation.pin(cloths[0], common.cloth_corners(options.size))

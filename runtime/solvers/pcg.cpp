@@ -282,7 +282,7 @@ bool reserve(Workspace& w, const System& system, long pieces, long threads, int 
     const Layout& layout = system.layout();
     const long n = layout.padded + 8;
     return w.x.reserve(n) && w.g.reserve(n) && w.residual.reserve(n) && w.direction.reserve(n) &&
-           w.preconditioned.reserve(n) && w.inverse.reserve(layout.inverse_start[layout.blocks]) &&
+           w.preconditioned.reserve(n) && (swept || w.inverse.reserve(layout.inverse_start[layout.blocks])) &&
            w.scratch.reserve(pieces * layout.largest * layout.largest) &&
            cut_pieces(w, system, pieces, swept ? fixed : system) &&
            (!swept ||

@@ -457,7 +457,7 @@ class BarrierContact(InScene):
             self._kept = geometry.candidates(start, end, margin=margin, before=self._kept)
         if self._is_short(start, end):
             return 1.0, self._kept
-        step = geometry.step_bound(start, end, self._kept, start_is_free=True, is_covered=True)
+        step = geometry.step_bound(start, end, self._kept, start_is_free=True)
         return min(step, self.half_spaces.step_bound(start, end)), self._kept
 
     def _is_short(self, start: FloatArray, end: FloatArray) -> bool:

@@ -261,7 +261,6 @@ class CollisionGeometry(Uncopied):
         candidates: Candidates | None = None,
         *,
         start_is_free: bool = False,
-        is_covered: bool = False,
     ) -> float:
         """Largest step in [0, 1] from `start` straight towards `end` [n, 3] that is free of collisions.
 
@@ -270,15 +269,13 @@ class CollisionGeometry(Uncopied):
         the radii where pieces are closest.) Sliding along each other and turning about a place where pieces
         nearly touch is no approach, however small the gap. `start_is_free=True` skips the intersection test of
         `start`, for callers whose every earlier step was bounded; a distance that rounding of the positions
-        could take away is always refused. `is_covered=True`: `candidates` are known to cover
-        both. Raises IntersectionError if surfaces at `start` cross, or a gap there is nothing.
+        could take away is always refused. Raises IntersectionError if surfaces at `start` cross, or
+        a gap there is nothing.
         """
         if candidates is None:
             candidates = self.candidates(start, end, distance=0.0)
-        if is_covered:
-            first, last = np.asarray(start, np.float64, order="C"), np.asarray(end, np.float64, order="C")
-        else:
-            first, last = self._on_way(start, "start", candidates), self._on_way(end, "end", candidates)
+        first = self._on_way(start, "start", candidates)
+        last = self._on_way(end, "end", candidates)
         if not start_is_free:
             self._require_no_crossing(first, "start")
         return self._bound(first, last, candidates.pairs)
